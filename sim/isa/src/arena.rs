@@ -1,0 +1,285 @@
+//! Simulated memory: one flat, bump-allocated range of bytes in lines of 64.
+//!
+//! Tasks reach it only through a [`Vpu`](crate::vpu::Vpu); between steps the host may read totals, fill inputs and
+//! allocate. The range is reserved once and committed by the operating system page by page as it is touched, so memory
+//! follows what the scene touches and no array ever moves.
+
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
+/// Bytes in a line.
+pub const LINE_BYTES: u64 = 64;
+
+/// Line that holds the task counter of the running step.
+pub const TASK_COUNTER_LINE: Line = Line(0);
+
+/// Line that holds the arrival counter of the barrier.
+pub const BARRIER_LINE: Line = Line(1);
+
+/// First line that [`Arena::alloc`] gives out; the lines before it belong to the runtime.
+const FIRST_FREE_BYTE: u64 = 64 * LINE_BYTES;
+
+/// First of the line numbers that stand for the stack of the running hardware thread. Stacks hold spilled registers and
+/// values on their way between lanes and scalars, so they have numbers (for caches to hold) but no bytes here. In a
+/// stream every line at or past this base, of whatever class, is `STACK_BASE_LINE + slot`; a machine adds
+/// `hardware thread * STACK_LINES` to it.
+pub const STACK_BASE_LINE: u32 = 0xf000_0000;
+
+/// Lines of one hardware thread's stack.
+pub const STACK_LINES: u32 = 64;
+
+/// Bytes reserved (not committed) for an arena.
+const RESERVED_BYTES: usize = 64 << 30;
+
+/// A byte offset in the arena.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
+pub struct Addr(pub u64);
+
+impl Addr {
+    /// The address `bytes` further on: the constant displacement of an operand, which costs nothing.
+    #[inline(always)]
+    #[must_use]
+    pub const fn plus(self, bytes: u64) -> Addr {
+        Addr(self.0 + bytes)
+    }
+
+    /// The line it lies in.
+    #[inline(always)]
+    pub const fn line(self) -> Line {
+        Line((self.0 / LINE_BYTES) as u32)
+    }
+}
+
+/// A line number: arena offset / 64.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Line(pub u32);
+
+/// Simulated memory.
+#[derive(Debug)]
+pub struct Arena {
+    /// Keeps the pages alive; bytes are reached through `base`.
+    _map: memmap2::MmapMut,
+    base: *mut u8,
+    reserved_bytes: u64,
+    used_bytes: u64,
+    in_task: AtomicBool,
+    host_reads_in_task: AtomicU64,
+}
+
+// SAFETY: the bytes are plain data behind a raw pointer that lives as long as the map. Concurrent access happens only
+// while the tasks of an `Independent` step run on several host threads; such a step declares that its tasks touch
+// disjoint bytes or only add, and adds are host atomics.
+#[expect(unsafe_code, reason = "simulated memory is shared by host threads under the contract of independent steps")]
+unsafe impl Sync for Arena {}
+// SAFETY: as above; nothing in it is tied to a thread.
+#[expect(unsafe_code, reason = "simulated memory may move between host threads")]
+unsafe impl Send for Arena {}
+
+impl Default for Arena {
+    fn default() -> Self {
+        Arena::new()
+    }
+}
+
+impl Arena {
+    /// An empty arena, all bytes zero. Reserves address space, commits nothing.
+    ///
+    /// # Panics
+    /// When the host refuses even 256 MiB of address space.
+    pub fn new() -> Arena {
+        let mut bytes = RESERVED_BYTES;
+        let mut map = loop {
+            match memmap2::MmapOptions::new().len(bytes).no_reserve_swap().map_anon() {
+                Ok(map) => break map,
+                // A host with an address-space limit: take what it gives.
+                Err(_) if bytes > 256 << 20 => bytes /= 2,
+                Err(error) => panic!("the host refuses {bytes} bytes of address space for the arena: {error}"),
+            }
+        };
+        let base = map.as_mut_ptr();
+        Arena {
+            _map: map,
+            base,
+            reserved_bytes: bytes as u64,
+            used_bytes: FIRST_FREE_BYTE,
+            in_task: AtomicBool::new(false),
+            host_reads_in_task: AtomicU64::new(0),
+        }
+    }
+
+    /// Allocates `bytes` zeroed bytes on a line boundary.
+    ///
+    /// # Panics
+    /// When the reserved address space is used up.
+    pub fn alloc_bytes(&mut self, bytes: u64) -> Addr {
+        let start = self.used_bytes;
+        let end = start + bytes.next_multiple_of(LINE_BYTES).max(LINE_BYTES);
+        assert!(
+            end <= self.reserved_bytes,
+            "the arena is full: {end} bytes asked for, {} reserved",
+            self.reserved_bytes
+        );
+        self.used_bytes = end;
+        Addr(start)
+    }
+
+    /// Allocates `count` zeroed 4-byte words on a line boundary, rounded up to whole lines.
+    pub fn alloc(&mut self, count: u64) -> Addr {
+        self.alloc_bytes(count * 4)
+    }
+
+    /// Allocates and fills an array of 4-byte integers.
+    pub fn alloc_u32(&mut self, values: &[u32]) -> Addr {
+        let addr = self.alloc(values.len() as u64);
+        self.write_u32s(addr, values);
+        addr
+    }
+
+    /// Allocates and fills an array of floats.
+    pub fn alloc_f32(&mut self, values: &[f32]) -> Addr {
+        let addr = self.alloc(values.len() as u64);
+        for (i, value) in values.iter().enumerate() {
+            self.write_u32(addr.plus(4 * i as u64), value.to_bits());
+        }
+        addr
+    }
+
+    /// Bytes given out so far.
+    pub fn used_bytes(&self) -> u64 {
+        self.used_bytes
+    }
+
+    /// Gives back everything allocated after `mark`, a value of [`Arena::used_bytes`]. The bytes keep their values.
+    pub fn release_to(&mut self, mark: u64) {
+        assert!(mark <= self.used_bytes, "release_to({mark}) beyond the {} bytes used", self.used_bytes);
+        self.used_bytes = mark;
+    }
+
+    /// Reads one word from the host, between steps.
+    pub fn read_u32(&self, addr: Addr) -> u32 {
+        self.note_host_read();
+        u32::from_le_bytes(self.get(addr))
+    }
+
+    /// Reads one float from the host, between steps.
+    pub fn read_f32(&self, addr: Addr) -> f32 {
+        f32::from_bits(self.read_u32(addr))
+    }
+
+    /// Reads `count` words from the host, between steps.
+    pub fn read_u32s(&self, addr: Addr, count: usize) -> Vec<u32> {
+        (0..count as u64).map(|i| self.read_u32(addr.plus(4 * i))).collect()
+    }
+
+    /// Reads `count` floats from the host, between steps.
+    pub fn read_f32s(&self, addr: Addr, count: usize) -> Vec<f32> {
+        (0..count as u64).map(|i| self.read_f32(addr.plus(4 * i))).collect()
+    }
+
+    /// Writes one word from the host, between steps.
+    pub fn write_u32(&mut self, addr: Addr, value: u32) {
+        self.put(addr, value.to_le_bytes());
+    }
+
+    /// Writes words from the host, between steps.
+    pub fn write_u32s(&mut self, addr: Addr, values: &[u32]) {
+        for (i, value) in values.iter().enumerate() {
+            self.write_u32(addr.plus(4 * i as u64), *value);
+        }
+    }
+
+    /// How often the host read the arena past the Vpu while a task ran. Anything but 0 is work that nobody timed.
+    pub fn host_reads_in_task(&self) -> u64 {
+        self.host_reads_in_task.load(Ordering::Relaxed)
+    }
+
+    /// Marks the begin or end of a task for [`Arena::host_reads_in_task`].
+    pub(crate) fn set_in_task(&self, running: bool) {
+        if cfg!(debug_assertions) {
+            self.in_task.store(running, Ordering::Relaxed);
+        }
+    }
+
+    fn note_host_read(&self) {
+        if cfg!(debug_assertions) && self.in_task.load(Ordering::Relaxed) {
+            self.host_reads_in_task.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+
+    /// Host pointer to `bytes` bytes at `addr`.
+    ///
+    /// # Panics
+    /// When they do not lie inside what was allocated: a kernel computed a wrong address.
+    #[inline(always)]
+    pub(crate) fn pointer(&self, addr: u64, bytes: u64) -> *mut u8 {
+        if addr.wrapping_add(bytes) > self.used_bytes || addr > self.used_bytes {
+            self.out_of_range(addr, bytes);
+        }
+        self.base.wrapping_add(addr as usize)
+    }
+
+    /// Bytes that a vector access may touch from `addr` on; see [`Arena::pointer`].
+    #[inline(always)]
+    pub(crate) fn used(&self) -> u64 {
+        self.used_bytes
+    }
+
+    #[cold]
+    #[inline(never)]
+    pub(crate) fn out_of_range(&self, addr: u64, bytes: u64) -> ! {
+        panic!("access to {bytes} bytes at {addr:#x}, past the {:#x} bytes of the arena", self.used_bytes)
+    }
+
+    #[inline(always)]
+    #[expect(unsafe_code, reason = "the one place where the host reads simulated memory")]
+    pub(crate) fn get<const N: usize>(&self, addr: Addr) -> [u8; N] {
+        let from = self.pointer(addr.0, N as u64);
+        // SAFETY: `pointer` checked the range; the contract of independent steps excludes a concurrent writer.
+        unsafe { from.cast::<[u8; N]>().read_unaligned() }
+    }
+
+    #[inline(always)]
+    #[expect(unsafe_code, reason = "the one place where simulated memory is written")]
+    pub(crate) fn put<const N: usize>(&self, addr: Addr, value: [u8; N]) {
+        let to = self.pointer(addr.0, N as u64);
+        // SAFETY: `pointer` checked the range; the contract of independent steps excludes concurrent access.
+        unsafe { to.cast::<[u8; N]>().write_unaligned(value) }
+    }
+
+    /// The word at `addr` as a host atomic, for adds from several host threads.
+    #[inline(always)]
+    #[expect(unsafe_code, reason = "adds of independent tasks meet in the same word")]
+    pub(crate) fn atomic(&self, addr: Addr) -> &std::sync::atomic::AtomicI32 {
+        assert!(addr.0.is_multiple_of(4), "atomic at {:#x}, which is not a multiple of 4", addr.0);
+        let word = self.pointer(addr.0, 4).cast::<i32>();
+        // SAFETY: in range (checked), aligned (checked; the map is page-aligned), alive as long as `self`.
+        unsafe { std::sync::atomic::AtomicI32::from_ptr(word) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn allocations_start_on_lines_and_do_not_overlap() {
+        let mut arena = Arena::new();
+        let a = arena.alloc(1);
+        let b = arena.alloc(17);
+        let c = arena.alloc(1);
+        assert_eq!((a.0 % 64, b.0 - a.0, c.0 - b.0), (0, 64, 128));
+    }
+
+    #[test]
+    fn what_is_written_is_read() {
+        let mut arena = Arena::new();
+        let addr = arena.alloc_f32(&[1.5, -2.0]);
+        assert_eq!(arena.read_f32s(addr, 2), [1.5, -2.0]);
+    }
+
+    #[test]
+    #[should_panic(expected = "past the")]
+    fn an_access_past_the_end_is_caught() {
+        let arena = Arena::new();
+        arena.read_u32(Addr(1 << 20));
+    }
+}

@@ -1,0 +1,140 @@
+//! Kernels, and the shells that give them host instructions.
+//!
+//! A kernel is written once, generic over [`Vpu`]. Each back end runs it inside a shell with the host's target features,
+//! so that everything inlines; for that, a kernel and all it calls must be `#[inline(always)]`.
+
+use core::ops::Range;
+
+use crate::arena::Arena;
+use crate::backend::Backend;
+use crate::emit::{Count, OpCounts, Record};
+use crate::host::HostSimd;
+use crate::lanes::{Lanes, Portable};
+use crate::spill;
+use crate::stream::Stream;
+use crate::vpu::Vpu;
+
+/// What a task does.
+///
+/// Everything a task reads comes out of the arena through `v`, and everything it computes is a value of `v`; fields of
+/// the kernel are addresses and sizes, the immediates of its code.
+pub trait Kernel: Send + Sync {
+    /// Runs task `task`. Implementations are `#[inline(always)]`, see the module.
+    fn run<V: Vpu>(&self, v: &mut V, task: V::S32);
+}
+
+/// A kernel behind a pointer: every back end of one [`Kernel`].
+pub trait AnyKernel: Send + Sync {
+    /// Runs `tasks` without timing and counts their operations. `shared` when other host threads run tasks meanwhile.
+    fn run(&self, simd: HostSimd, arena: &Arena, tasks: Range<u32>, shared: bool, counts: &mut OpCounts);
+
+    /// Runs one task and appends its uops to `stream`, spills included. `shared` as in [`AnyKernel::run`].
+    fn record_shared(&self, simd: HostSimd, arena: &Arena, task: u32, shared: bool, stream: &mut Stream);
+
+    /// [`AnyKernel::record_shared`] while no other host thread runs tasks.
+    fn record(&self, simd: HostSimd, arena: &Arena, task: u32, stream: &mut Stream) {
+        self.record_shared(simd, arena, task, false, stream);
+    }
+}
+
+/// Runs tasks on one back end; inlines into its shell.
+#[inline(always)]
+fn run_tasks<K: Kernel, L: Lanes>(
+    kernel: &K,
+    arena: &Arena,
+    tasks: Range<u32>,
+    shared: bool,
+    counts: &mut OpCounts,
+) {
+    for task in tasks {
+        let mut v = Backend::<L, Count<'_>>::new(arena, Count(counts), shared);
+        let task = v.s_imm(task as i32);
+        kernel.run(&mut v, task);
+    }
+}
+
+/// Records one task on one back end; inlines into its shell.
+#[inline(always)]
+fn record_task<K: Kernel, L: Lanes>(
+    kernel: &K,
+    arena: &Arena,
+    task: u32,
+    shared: bool,
+    record: Record<'_>,
+) {
+    let mut v = Backend::<L, Record<'_>>::new(arena, record, shared);
+    let task = v.s_imm(task as i32);
+    kernel.run(&mut v, task);
+}
+
+#[cfg(target_arch = "x86_64")]
+#[expect(unsafe_code, reason = "functions with target features may only run on hosts that have them")]
+mod shells {
+    use super::*;
+    use crate::lanes::{Avx2, Avx512};
+
+    /// # Safety
+    /// The host must have [`HostSimd::Avx512`].
+    #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512dq,avx512cd,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+    pub unsafe fn run_avx512<K: Kernel>(k: &K, arena: &Arena, tasks: Range<u32>, shared: bool, out: &mut OpCounts) {
+        run_tasks::<K, Avx512>(k, arena, tasks, shared, out);
+    }
+
+    /// # Safety
+    /// The host must have [`HostSimd::Avx2`].
+    #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+    pub unsafe fn run_avx2<K: Kernel>(k: &K, arena: &Arena, tasks: Range<u32>, shared: bool, out: &mut OpCounts) {
+        run_tasks::<K, Avx2>(k, arena, tasks, shared, out);
+    }
+
+    /// # Safety
+    /// The host must have [`HostSimd::Avx512`].
+    #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512dq,avx512cd,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+    pub unsafe fn record_avx512<K: Kernel>(k: &K, arena: &Arena, task: u32, shared: bool, out: Record<'_>) {
+        record_task::<K, Avx512>(k, arena, task, shared, out);
+    }
+
+    /// # Safety
+    /// The host must have [`HostSimd::Avx2`].
+    #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+    pub unsafe fn record_avx2<K: Kernel>(k: &K, arena: &Arena, task: u32, shared: bool, out: Record<'_>) {
+        record_task::<K, Avx2>(k, arena, task, shared, out);
+    }
+}
+
+impl<K: Kernel> AnyKernel for K {
+    #[expect(unsafe_code, reason = "calls into functions with target features")]
+    fn run(&self, simd: HostSimd, arena: &Arena, tasks: Range<u32>, shared: bool, counts: &mut OpCounts) {
+        assert!(simd.is_available(), "this host has no {simd}");
+        arena.set_in_task(true);
+        match simd {
+            // SAFETY: the host has it, asserted above.
+            #[cfg(target_arch = "x86_64")]
+            HostSimd::Avx512 => unsafe { shells::run_avx512(self, arena, tasks, shared, counts) },
+            // SAFETY: as above.
+            #[cfg(target_arch = "x86_64")]
+            HostSimd::Avx2 => unsafe { shells::run_avx2(self, arena, tasks, shared, counts) },
+            _ => run_tasks::<K, Portable>(self, arena, tasks, shared, counts),
+        }
+        arena.set_in_task(false);
+    }
+
+    #[expect(unsafe_code, reason = "calls into functions with target features")]
+    fn record_shared(&self, simd: HostSimd, arena: &Arena, task: u32, shared: bool, stream: &mut Stream) {
+        assert!(simd.is_available(), "this host has no {simd}");
+        arena.set_in_task(true);
+        let mut far = Vec::new();
+        let record = Record::new(stream, &mut far);
+        match simd {
+            // SAFETY: the host has it, asserted above.
+            #[cfg(target_arch = "x86_64")]
+            HostSimd::Avx512 => unsafe { shells::record_avx512(self, arena, task, shared, record) },
+            // SAFETY: as above.
+            #[cfg(target_arch = "x86_64")]
+            HostSimd::Avx2 => unsafe { shells::record_avx2(self, arena, task, shared, record) },
+            _ => record_task::<K, Portable>(self, arena, task, shared, record),
+        }
+        arena.set_in_task(false);
+        spill::charge(stream, &far);
+    }
+}

@@ -1,0 +1,312 @@
+//! Lanes in two 256-bit host registers.
+
+#![expect(unsafe_code, reason = "host intrinsics; every instruction is behind `HostSimd::detect`")]
+
+use core::arch::x86_64::*;
+
+use super::{CANONICAL_NAN, LANES, Lanes, Portable};
+
+/// Lanes as pairs of AVX2 registers, with fused multiply-add.
+#[derive(Debug, Clone, Copy)]
+pub struct Avx2;
+
+type F = [__m256; 2];
+type I = [__m256i; 2];
+
+/// Both halves through one intrinsic.
+macro_rules! halves {
+    ($op:expr, $($arg:ident),+) => {
+        // SAFETY: the host has the instruction, see `Lanes`.
+        unsafe { [$op($($arg[0]),+), $op($($arg[1]),+)] }
+    };
+}
+
+/// A mask of 16 bits as two registers of all-ones or all-zeros lanes.
+#[inline(always)]
+fn spread(k: u16) -> I {
+    // SAFETY: the host has the instruction, see `Lanes`.
+    unsafe {
+        let k = _mm256_set1_epi32(i32::from(k));
+        let low = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
+        let high = _mm256_slli_epi32::<8>(low);
+        [
+            _mm256_cmpeq_epi32(_mm256_and_si256(k, low), low),
+            _mm256_cmpeq_epi32(_mm256_and_si256(k, high), high),
+        ]
+    }
+}
+
+/// The sign bits of all lanes as a mask.
+#[inline(always)]
+fn signs(a: F) -> u16 {
+    // SAFETY: the host has the instruction, see `Lanes`.
+    unsafe { (_mm256_movemask_ps(a[0]) | _mm256_movemask_ps(a[1]) << 8) as u16 }
+}
+
+#[inline(always)]
+fn cast(a: I) -> F {
+    halves!(_mm256_castsi256_ps, a)
+}
+
+impl Lanes for Avx2 {
+    type F = F;
+    type I = I;
+
+    #[inline(always)]
+    fn splat_f(value: f32) -> F {
+        // SAFETY: the host has the instruction, see `Lanes`.
+        unsafe { [_mm256_set1_ps(value); 2] }
+    }
+    #[inline(always)]
+    fn splat_i(value: i32) -> I {
+        // SAFETY: the host has the instruction, see `Lanes`.
+        unsafe { [_mm256_set1_epi32(value); 2] }
+    }
+    #[inline(always)]
+    fn from_f(values: [f32; LANES]) -> F {
+        // SAFETY: the host has the instruction, see `Lanes`.
+        unsafe { core::mem::transmute::<[f32; LANES], F>(values) }
+    }
+    #[inline(always)]
+    fn from_i(values: [i32; LANES]) -> I {
+        // SAFETY: the host has the instruction, see `Lanes`.
+        unsafe { core::mem::transmute::<[i32; LANES], I>(values) }
+    }
+    #[inline(always)]
+    fn to_f(a: F) -> [f32; LANES] {
+        // SAFETY: the host has the instruction, see `Lanes`.
+        unsafe { core::mem::transmute::<F, [f32; LANES]>(a) }
+    }
+    #[inline(always)]
+    fn to_i(a: I) -> [i32; LANES] {
+        // SAFETY: the host has the instruction, see `Lanes`.
+        unsafe { core::mem::transmute::<I, [i32; LANES]>(a) }
+    }
+    #[inline(always)]
+    fn add(a: F, b: F) -> F {
+        halves!(_mm256_add_ps, a, b)
+    }
+    #[inline(always)]
+    fn sub(a: F, b: F) -> F {
+        halves!(_mm256_sub_ps, a, b)
+    }
+    #[inline(always)]
+    fn mul(a: F, b: F) -> F {
+        halves!(_mm256_mul_ps, a, b)
+    }
+    #[inline(always)]
+    fn min(a: F, b: F) -> F {
+        halves!(_mm256_min_ps, a, b)
+    }
+    #[inline(always)]
+    fn max(a: F, b: F) -> F {
+        halves!(_mm256_max_ps, a, b)
+    }
+    #[inline(always)]
+    fn madd(a: F, b: F, c: F) -> F {
+        halves!(_mm256_fmadd_ps, a, b, c)
+    }
+    #[inline(always)]
+    fn msub(a: F, b: F, c: F) -> F {
+        halves!(_mm256_fmsub_ps, a, b, c)
+    }
+    #[inline(always)]
+    fn nmadd(a: F, b: F, c: F) -> F {
+        halves!(_mm256_fnmadd_ps, a, b, c)
+    }
+    #[inline(always)]
+    fn rcp(a: F) -> F {
+        let one = Self::splat_f(1.0);
+        halves!(_mm256_div_ps, one, a)
+    }
+    #[inline(always)]
+    fn rsqrt(a: F) -> F {
+        let root = halves!(_mm256_sqrt_ps, a);
+        Self::rcp(root)
+    }
+    #[inline(always)]
+    fn floor(a: F) -> F {
+        halves!(_mm256_floor_ps, a)
+    }
+    #[inline(always)]
+    fn nearest(a: F) -> F {
+        halves!(_mm256_round_ps::<{ _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC }>, a)
+    }
+    #[inline(always)]
+    fn iadd(a: I, b: I) -> I {
+        halves!(_mm256_add_epi32, a, b)
+    }
+    #[inline(always)]
+    fn isub(a: I, b: I) -> I {
+        halves!(_mm256_sub_epi32, a, b)
+    }
+    #[inline(always)]
+    fn imul(a: I, b: I) -> I {
+        halves!(_mm256_mullo_epi32, a, b)
+    }
+    #[inline(always)]
+    fn imin(a: I, b: I) -> I {
+        halves!(_mm256_min_epi32, a, b)
+    }
+    #[inline(always)]
+    fn imax(a: I, b: I) -> I {
+        halves!(_mm256_max_epi32, a, b)
+    }
+    #[inline(always)]
+    fn and(a: I, b: I) -> I {
+        halves!(_mm256_and_si256, a, b)
+    }
+    #[inline(always)]
+    fn or(a: I, b: I) -> I {
+        halves!(_mm256_or_si256, a, b)
+    }
+    #[inline(always)]
+    fn xor(a: I, b: I) -> I {
+        halves!(_mm256_xor_si256, a, b)
+    }
+    #[inline(always)]
+    fn andn(a: I, b: I) -> I {
+        halves!(_mm256_andnot_si256, a, b)
+    }
+    #[inline(always)]
+    fn sll(a: I, b: I) -> I {
+        halves!(_mm256_sllv_epi32, a, b)
+    }
+    #[inline(always)]
+    fn srl(a: I, b: I) -> I {
+        halves!(_mm256_srlv_epi32, a, b)
+    }
+    #[inline(always)]
+    fn sra(a: I, b: I) -> I {
+        halves!(_mm256_srav_epi32, a, b)
+    }
+    #[inline(always)]
+    fn lt(a: F, b: F) -> u16 {
+        signs(halves!(_mm256_cmp_ps::<_CMP_LT_OQ>, a, b))
+    }
+    #[inline(always)]
+    fn le(a: F, b: F) -> u16 {
+        signs(halves!(_mm256_cmp_ps::<_CMP_LE_OQ>, a, b))
+    }
+    #[inline(always)]
+    fn eq(a: F, b: F) -> u16 {
+        signs(halves!(_mm256_cmp_ps::<_CMP_EQ_OQ>, a, b))
+    }
+    #[inline(always)]
+    fn ilt(a: I, b: I) -> u16 {
+        signs(cast(halves!(_mm256_cmpgt_epi32, b, a)))
+    }
+    #[inline(always)]
+    fn ieq(a: I, b: I) -> u16 {
+        signs(cast(halves!(_mm256_cmpeq_epi32, a, b)))
+    }
+    #[inline(always)]
+    fn ult(a: I, b: I) -> u16 {
+        let flip = Self::splat_i(i32::MIN);
+        Self::ilt(Self::xor(a, flip), Self::xor(b, flip))
+    }
+    #[inline(always)]
+    fn blend_f(k: u16, on: F, off: F) -> F {
+        let k = cast(spread(k));
+        halves!(_mm256_blendv_ps, off, on, k)
+    }
+    #[inline(always)]
+    fn blend_i(k: u16, on: I, off: I) -> I {
+        let k = spread(k);
+        halves!(_mm256_blendv_epi8, off, on, k)
+    }
+    #[inline(always)]
+    fn to_float(a: I) -> F {
+        halves!(_mm256_cvtepi32_ps, a)
+    }
+    #[inline(always)]
+    fn to_int(a: F) -> I {
+        halves!(_mm256_cvttps_epi32, a)
+    }
+    #[inline(always)]
+    fn bits(a: F) -> I {
+        halves!(_mm256_castps_si256, a)
+    }
+    #[inline(always)]
+    fn from_bits(a: I) -> F {
+        halves!(_mm256_castsi256_ps, a)
+    }
+    #[inline(always)]
+    fn canonical(a: F) -> F {
+        let nan = halves!(_mm256_cmp_ps::<_CMP_UNORD_Q>, a, a);
+        let canonical = Self::splat_f(f32::from_bits(CANONICAL_NAN));
+        halves!(_mm256_blendv_ps, a, canonical, nan)
+    }
+    #[inline(always)]
+    fn permute(a: I, index: I) -> I {
+        // Permute within each source half, then take the half that bit 3 of the index names.
+        // SAFETY: the host has the instruction, see `Lanes`.
+        unsafe {
+            let pick = |index: __m256i| {
+                let low = _mm256_permutevar8x32_epi32(a[0], index);
+                let high = _mm256_permutevar8x32_epi32(a[1], index);
+                let from_high = _mm256_slli_epi32::<28>(index);
+                _mm256_castps_si256(_mm256_blendv_ps(
+                    _mm256_castsi256_ps(low),
+                    _mm256_castsi256_ps(high),
+                    _mm256_castsi256_ps(from_high),
+                ))
+            };
+            [pick(index[0]), pick(index[1])]
+        }
+    }
+    #[inline(always)]
+    unsafe fn load(from: *const i32) -> I {
+        // SAFETY: the caller vouches for the active lanes; the host has the instruction.
+        unsafe { [_mm256_loadu_si256(from.cast()), _mm256_loadu_si256(from.wrapping_add(8).cast())] }
+    }
+    #[inline(always)]
+    unsafe fn store(to: *mut i32, a: I) {
+        // SAFETY: the caller vouches for the active lanes; the host has the instruction.
+        unsafe { _mm256_storeu_si256(to.cast(), a[0]); _mm256_storeu_si256(to.wrapping_add(8).cast(), a[1]); }
+    }
+    #[inline(always)]
+    unsafe fn load_masked(or: I, k: u16, from: *const i32) -> I {
+        let live = spread(k);
+        // SAFETY: masked-off lanes are not read; the host has the instruction.
+        let loaded = unsafe {
+            [_mm256_maskload_epi32(from, live[0]), _mm256_maskload_epi32(from.wrapping_add(8), live[1])]
+        };
+        halves!(_mm256_blendv_epi8, or, loaded, live)
+    }
+    #[inline(always)]
+    unsafe fn store_masked(k: u16, to: *mut i32, a: I) {
+        let live = spread(k);
+        // SAFETY: masked-off lanes are not written; the host has the instruction.
+        unsafe {
+            _mm256_maskstore_epi32(to, live[0], a[0]);
+            _mm256_maskstore_epi32(to.wrapping_add(8), live[1], a[1]);
+        }
+    }
+    #[inline(always)]
+    unsafe fn gather(or: I, k: u16, base: *const i32, index: I) -> I {
+        let live = spread(k);
+        // SAFETY: masked-off lanes are not read; the host has the instruction.
+        unsafe {
+            [
+                _mm256_mask_i32gather_epi32::<4>(or[0], base, index[0], live[0]),
+                _mm256_mask_i32gather_epi32::<4>(or[1], base, index[1], live[1]),
+            ]
+        }
+    }
+    #[inline(always)]
+    unsafe fn scatter(k: u16, base: *mut i32, index: I, a: I) {
+        // SAFETY: the caller vouches for the active lanes. AVX2 has no scatter.
+        unsafe { Portable::scatter(k, base, Self::to_i(index), Self::to_i(a)) }
+    }
+    #[inline(always)]
+    unsafe fn expand(or: I, k: u16, from: *const i32) -> I {
+        // SAFETY: the caller vouches for the active lanes. AVX2 has no expand.
+        Self::from_i(unsafe { Portable::expand(Self::to_i(or), k, from) })
+    }
+    #[inline(always)]
+    unsafe fn compress(k: u16, to: *mut i32, a: I) {
+        // SAFETY: the caller vouches for the active lanes. AVX2 has no compress.
+        unsafe { Portable::compress(k, to, Self::to_i(a)) }
+    }
+}

@@ -1,0 +1,38 @@
+//! The ISA layer of lrbsim: what a kernel is written against, and the stream of operations it leaves behind.
+//!
+//! ```text
+//!            kernel (generic over Vpu)
+//!                   │ operations of `vpu`
+//!     ┌─────────────┼──────────────┐
+//!  Scalar        Native         Recording      back ends: bit-equal results
+//!  the definition host SIMD     host SIMD + a uop per operation
+//!     └─────────────┴──────┬───────┘
+//!                        Arena                 simulated memory, lines of 64 bytes
+//! ```
+//!
+//! Function and timing are apart: a back end computes, and only a recording one leaves a [`Stream`] for a machine to
+//! time.
+
+pub mod vpu;
+pub mod math;
+pub mod kernel;
+pub mod program;
+pub mod arena;
+pub mod uop;
+pub mod stream;
+pub mod backend;
+pub mod emit;
+pub mod lanes;
+pub mod host;
+pub mod scan;
+mod spill;
+
+pub use arena::{Addr, Arena, Line};
+pub use emit::OpCounts;
+pub use host::HostSimd;
+pub use kernel::{AnyKernel, Kernel};
+pub use program::{Ordering, Phase, Program, Step, StepSource, TaskSource};
+pub use spill::VECTOR_REGISTERS;
+pub use stream::Stream;
+pub use uop::{Class, Uop};
+pub use vpu::{Compare, Vpu};

@@ -1,0 +1,163 @@
+//! Prefix sums: the middle of count → scan → fill.
+//!
+//! ```text
+//! step 1  blocks    each task: running sums of one block in place, its total to `totals`
+//! step 2  totals    one task: running sums of the totals
+//! step 3  offsets   each task: adds the total of all earlier blocks to one block
+//! ```
+//!
+//! Sums are exclusive: word `i` becomes the sum of the words before it, and the word after the last holds the total.
+
+use crate::arena::{Addr, Arena};
+use crate::kernel::Kernel;
+use crate::program::{Ordering, Step};
+use crate::vpu::{Compare, Vpu};
+
+/// Words in a block.
+const BLOCK: u32 = 1024;
+
+/// An array to be scanned in place, and the totals of its blocks.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Scan {
+    words: Addr,
+    totals: Addr,
+    blocks: u32,
+}
+
+/// Words to allocate for an array of `count` words that is to be scanned: whole blocks, and room for the total.
+pub fn padded(count: u64) -> u64 {
+    (count + 1).next_multiple_of(u64::from(BLOCK))
+}
+
+impl Scan {
+    /// Prepares the scan of `count` words at `words`, an array of [`padded`] words whose surplus is 0.
+    pub fn new(arena: &mut Arena, words: Addr, count: u64) -> Scan {
+        let blocks = (padded(count) / u64::from(BLOCK)) as u32;
+        Scan { words, totals: arena.alloc(padded(u64::from(blocks))), blocks }
+    }
+
+    /// Step 1: scans each block.
+    pub fn blocks(self) -> Step {
+        Step {
+            name: "scan blocks",
+            ordering: Ordering::Independent,
+            tasks: self.blocks,
+            kernel: Box::new(ScanBlock { words: self.words, totals: self.totals, count: BLOCK }),
+        }
+    }
+
+    /// Step 2: scans the totals.
+    pub fn totals(self) -> Step {
+        let count = self.blocks.next_multiple_of(16);
+        let after = self.totals.plus(4 * u64::from(count));
+        Step {
+            name: "scan totals",
+            ordering: Ordering::Independent,
+            tasks: 1,
+            kernel: Box::new(ScanBlock { words: self.totals, totals: after, count }),
+        }
+    }
+
+    /// Step 3: adds the totals of earlier blocks.
+    pub fn offsets(self) -> Step {
+        Step {
+            name: "scan offsets",
+            ordering: Ordering::Independent,
+            tasks: self.blocks,
+            kernel: Box::new(AddOffset { words: self.words, totals: self.totals }),
+        }
+    }
+}
+
+/// Scans `count` words of block `task` in place and stores their sum in `totals[task]`.
+struct ScanBlock {
+    words: Addr,
+    totals: Addr,
+    count: u32,
+}
+
+impl Kernel for ScanBlock {
+    #[inline(always)]
+    fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
+        let count = v.s_imm(self.count as i32);
+        let step = v.s_imm(16);
+        let start = v.s_mul(task, count);
+        let end = v.s_add(start, count);
+        let all = v.mask_all();
+        let zero = v.vset_i32(0);
+        let lane = v.viota();
+        let last = v.vset_i32(15);
+        let mut carry = zero;
+        let mut i = start;
+        while v.branch(Compare::Less, i, end) {
+            let words = v.vload_i32(self.words, i);
+            // Inclusive sums by doubling: lane i adds lane i - 1, - 2, - 4, - 8.
+            let mut sums = words;
+            for shift in [1, 2, 4, 8] {
+                let distance = v.vset_i32(shift);
+                let from = v.visub(lane, distance);
+                let has = v.vicmp_ge(from, zero);
+                let moved = v.vpermute(sums, from);
+                sums = v.viadd_or(sums, has, sums, moved);
+            }
+            let inclusive = v.viadd(sums, carry);
+            let exclusive = v.visub(inclusive, words);
+            v.vstore_i32(all, self.words, i, exclusive);
+            carry = v.vpermute(inclusive, last);
+            i = v.s_add(i, step);
+        }
+        let total = v.vextract(carry, 0);
+        v.s_store(self.totals, task, total);
+    }
+}
+
+/// Adds `totals[task]` to block `task`.
+struct AddOffset {
+    words: Addr,
+    totals: Addr,
+}
+
+impl Kernel for AddOffset {
+    #[inline(always)]
+    fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
+        let count = v.s_imm(BLOCK as i32);
+        let step = v.s_imm(16);
+        let start = v.s_mul(task, count);
+        let end = v.s_add(start, count);
+        let all = v.mask_all();
+        let offset = v.vbroadcast_i32(self.totals, task);
+        let mut i = start;
+        while v.branch(Compare::Less, i, end) {
+            let words = v.vload_i32(self.words, i);
+            let words = v.viadd(words, offset);
+            v.vstore_i32(all, self.words, i, words);
+            i = v.s_add(i, step);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::host::{HostSimd, run_functional};
+
+    #[test]
+    fn a_scan_equals_the_running_sum() {
+        for count in [0u64, 1, 15, 16, 1023, 1024, 5000, 40_000] {
+            let mut arena = Arena::new();
+            let values: Vec<u32> = (0..count as u32).map(|i| i.wrapping_mul(2_654_435_761) >> 28).collect();
+            let words = arena.alloc(padded(count));
+            arena.write_u32s(words, &values);
+            let scan = Scan::new(&mut arena, words, count);
+            for step in [scan.blocks(), scan.totals(), scan.offsets()] {
+                run_functional(&step, &arena, HostSimd::detect(), 2);
+            }
+            let mut sum = 0;
+            for (i, value) in values.iter().enumerate() {
+                assert_eq!(arena.read_u32(words.plus(4 * i as u64)), sum, "word {i} of {count}");
+                sum += value;
+            }
+            assert_eq!(arena.read_u32(words.plus(4 * count)), sum, "total of {count}");
+        }
+    }
+}

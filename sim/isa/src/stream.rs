@@ -1,0 +1,41 @@
+//! The stream of one task: its uops, and beside them the lines they touch.
+
+use crate::uop::Class;
+
+/// What one task leaves behind for a machine to time.
+///
+/// `uops` in program order, `lines` the line numbers (arena offset / 64) of the memory uops in the same order, one entry
+/// per distinct line. Streams are reused: consumed and cleared, never stored.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Stream {
+    /// Encoded [`Uop`](crate::uop::Uop)s.
+    pub uops: Vec<u32>,
+    /// Line numbers of the memory uops.
+    pub lines: Vec<u32>,
+    /// Lane-slots of vector uops that did work.
+    pub lanes_active: u64,
+    /// Lane-slots of vector uops that were masked off.
+    pub lanes_masked: u64,
+    /// Most vector registers live at once, before spills were charged.
+    pub live_vectors_max: u32,
+}
+
+impl Stream {
+    /// Empties the stream and keeps its buffers.
+    pub fn clear(&mut self) {
+        self.uops.clear();
+        self.lines.clear();
+        self.lanes_active = 0;
+        self.lanes_masked = 0;
+        self.live_vectors_max = 0;
+    }
+
+    /// How many uops of each class the stream holds.
+    pub fn count_classes(&self) -> [u64; Class::COUNT] {
+        let mut counts = [0; Class::COUNT];
+        for uop in &self.uops {
+            counts[(*uop & 0xff) as usize] += 1;
+        }
+        counts
+    }
+}
