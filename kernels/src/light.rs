@@ -1,0 +1,184 @@
+//! The light as a receiver sees it: a disc, and where occluders project on it.
+
+use lrbsim_isa::Vpu;
+
+use crate::plane::{Vec3, dot, sub};
+use crate::segment::Vec2;
+
+/// Nearest and farthest height of an occluder over its receiver, in parts of the light's height: nearer is the receiver's
+/// own neighbourhood, farther is behind the light.
+const HEIGHT_MIN: f32 = 1e-6;
+
+/// Where the light's disc stands.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Disc {
+    /// It turns to face each receiver: what a sphere light is taken for [algorithms, 0 and 2.6].
+    Facing,
+    /// It stands still, with this unit normal.
+    Fixed([f32; 3]),
+}
+
+/// The disc in the frame of 16 receivers, one a lane.
+///
+/// `axis` points from the receiver to the disc's plane at a right angle, `s` and `t` span that plane. Lengths along `s`
+/// and `t` count in radii of the light.
+pub struct View<V: Vpu> {
+    receiver: Vec3<V>,
+    axis: Vec3<V>,
+    s: Vec3<V>,
+    t: Vec3<V>,
+    /// Height of the light over the receiver.
+    height: V::F32,
+    /// `height / radius`.
+    scale: V::F32,
+    /// The receiver's foot point on the disc's plane, in radii; `None` for a facing disc, whose centre it is.
+    foot: Option<Vec2<V>>,
+}
+
+/// An occluder's point in a [`View`]: along s, along t, height over the receiver.
+pub type Seen<V> = [<V as Vpu>::F32; 3];
+
+impl<V: Vpu> View<V> {
+    /// The frame of receivers `receiver` (light-centred) for a light of radius `1 / per_radius`.
+    #[inline(always)]
+    pub fn new(v: &mut V, disc: Disc, receiver: Vec3<V>, per_radius: V::F32) -> View<V> {
+        match disc {
+            Disc::Facing => {
+                // a = -p/|p|; s and t by the branchless basis of Duff et al. 2017.
+                let squared = dot(v, receiver, receiver);
+                let inverse = v.vrsqrt(squared);
+                let height = v.vmul(squared, inverse);
+                let zero = v.vset_f32(0.0);
+                let minus = v.vsub(zero, inverse);
+                let axis =
+                    [v.vmul(receiver[0], minus), v.vmul(receiver[1], minus), v.vmul(receiver[2], minus)];
+                let (s, t) = basis(v, axis);
+                let scale = v.vmul(height, per_radius);
+                View { receiver, axis, s, t, height, scale, foot: None }
+            }
+            Disc::Fixed(normal) => {
+                let zero = v.vset_f32(0.0);
+                let normal = [v.vset_f32(normal[0]), v.vset_f32(normal[1]), v.vset_f32(normal[2])];
+                // The normal that looks away from the receiver.
+                let over = dot(v, receiver, normal);
+                let above = v.vcmp_gt(over, zero);
+                let mut turned = |a: V::F32| v.vsub_or(a, above, zero, a);
+                let axis = [turned(normal[0]), turned(normal[1]), turned(normal[2])];
+                let height = v.vabs(over);
+                let (s, t) = basis(v, axis);
+                let scale = v.vmul(height, per_radius);
+                let along_s = dot(v, receiver, s);
+                let along_t = dot(v, receiver, t);
+                let foot = [v.vmul(along_s, per_radius), v.vmul(along_t, per_radius)];
+                View { receiver, axis, s, t, height, scale, foot: Some(foot) }
+            }
+        }
+    }
+
+    /// Point `vertex` (light-centred) in this frame.
+    #[inline(always)]
+    pub fn see(&self, v: &mut V, vertex: Vec3<V>) -> Seen<V> {
+        let q = sub(v, vertex, self.receiver);
+        [dot(v, q, self.s), dot(v, q, self.t), dot(v, q, self.axis)]
+    }
+
+    /// Clips the edge `a -> b` to heights between receiver and light; the lanes of `live` in which some of it is left.
+    ///
+    /// Two compares a point and a branch where nothing is to be clipped, which is the common case.
+    #[inline(always)]
+    pub fn clip(&self, v: &mut V, live: V::Mask, a: &mut Seen<V>, b: &mut Seen<V>) -> V::Mask {
+        let least = v.vset_f32(HEIGHT_MIN);
+        let low = v.vmul(self.height, least);
+        let high = self.height;
+        let lower = v.vmin(a[2], b[2]);
+        let upper = v.vmax(a[2], b[2]);
+        let inside = v.vcmp_ge(lower, low);
+        let inside = v.vcmp_le_masked(inside, upper, high);
+        let cut = v.kandn(inside, live);
+        if !v.branch_any(cut) {
+            return live;
+        }
+        // Parameters at which the edge crosses the two heights; its end points where it does not.
+        let zero = v.vset_f32(0.0);
+        let one = v.vset_f32(1.0);
+        let rise = v.vsub(b[2], a[2]);
+        let per_rise = v.vrcp(rise);
+        let to_low = v.vsub(low, a[2]);
+        let to_high = v.vsub(high, a[2]);
+        let at_low = v.vmul(to_low, per_rise);
+        let at_high = v.vmul(to_high, per_rise);
+        let rising = v.vcmp_gt(rise, zero);
+        let enter = v.vblend_f32(rising, at_low, at_high);
+        let leave = v.vblend_f32(rising, at_high, at_low);
+        let enter = v.vmax(enter, zero);
+        let leave = v.vmin(leave, one);
+        // A level edge is inside or outside as a whole.
+        let level = v.vcmp_eq(rise, zero);
+        let sloped = v.kandn(level, cut);
+        let left = v.vcmp_lt_masked(sloped, enter, leave);
+        let untouched = v.kand(inside, live);
+        let live = v.kor(untouched, left);
+        // Move the end points of the lanes that are cut; the other end stays as it is where it was inside.
+        let moves_a = v.vcmp_gt_masked(left, enter, zero);
+        let moves_b = v.vcmp_lt_masked(left, leave, one);
+        for i in 0..3 {
+            let span = v.vsub(b[i], a[i]);
+            let from = a[i];
+            a[i] = v.vmadd_or(from, moves_a, span, enter, from);
+            b[i] = v.vmadd_or(b[i], moves_b, span, leave, from);
+        }
+        // Rounding must not leave a cut end on the wrong side.
+        a[2] = v.vmax_or(a[2], moves_a, a[2], low);
+        b[2] = v.vmax_or(b[2], moves_b, b[2], low);
+        live
+    }
+
+    /// Where the line from the receiver through `seen` meets the disc's plane, in radii: the exact normalisation of each
+    /// vertex by its own depth [algorithms, 2.5 and 2.6]. `seen` must be higher than the receiver.
+    #[inline(always)]
+    pub fn project(&self, v: &mut V, seen: Seen<V>) -> Vec2<V> {
+        let inverse = v.vrcp(seen[2]);
+        let k = v.vmul(self.scale, inverse);
+        match self.foot {
+            None => [v.vmul(seen[0], k), v.vmul(seen[1], k)],
+            Some(foot) => [v.vmadd(seen[0], k, foot[0]), v.vmadd(seen[1], k, foot[1])],
+        }
+    }
+}
+
+/// Two unit vectors at right angles to the unit vector `n` and to each other [duff17].
+#[inline(always)]
+fn basis<V: Vpu>(v: &mut V, n: Vec3<V>) -> (Vec3<V>, Vec3<V>) {
+    let zero = v.vset_f32(0.0);
+    let one = v.vset_f32(1.0);
+    let minus_one = v.vset_f32(-1.0);
+    let up = v.vcmp_ge(n[2], zero);
+    let sign = v.vblend_f32(up, one, minus_one);
+    let sum = v.vadd(sign, n[2]);
+    let inverse = v.vrcp(sum);
+    let a = v.vsub(zero, inverse);
+    let xy = v.vmul(n[0], n[1]);
+    let b = v.vmul(xy, a);
+    let sx = v.vmul(sign, n[0]);
+    let sxx = v.vmul(sx, n[0]);
+    let s0 = v.vmadd(sxx, a, one);
+    let s1 = v.vmul(sign, b);
+    let s2 = v.vsub(zero, sx);
+    let yy = v.vmul(n[1], n[1]);
+    let t1 = v.vmadd(yy, a, sign);
+    let t2 = v.vsub(zero, n[1]);
+    ([s0, s1, s2], [b, t1, t2])
+}
+
+/// Radius of the light's footprint on the image plane at distance 1: `r (z_p - z_q) / (z_p z_q)` [algorithms, 2.2].
+///
+/// 0 or less where the occluder at depth `z_q` is not in front of the receiver at `z_p`. With the least depth of an edge
+/// and the greatest of its receivers it is the half width of the edge's penumbra [algorithms, 2.7].
+#[inline(always)]
+pub fn footprint_radius<V: Vpu>(v: &mut V, radius: V::F32, z_q: V::F32, z_p: V::F32) -> V::F32 {
+    // The difference first: that of the reciprocals loses all digits near contact.
+    let between = v.vsub(z_p, z_q);
+    let product = v.vmul(z_p, z_q);
+    let num = v.vmul(radius, between);
+    lrbsim_isa::math::div(v, num, product)
+}

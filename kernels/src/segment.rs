@@ -1,0 +1,68 @@
+//! One silhouette edge against the unit light disc: the robust form of Eq. 3 [algorithms, 2.3].
+
+use lrbsim_isa::{Vpu, math};
+
+/// A point in the plane of the light, in units of its radius.
+pub type Vec2<V> = [<V as Vpu>::F32; 2];
+
+/// `1 / (2 pi)`.
+const TURN: f32 = core::f32::consts::FRAC_1_PI / 2.0;
+
+/// Part F of the unit disc beyond the edge `u0 -> u1`, inside the wedge that the edge subtends at the centre.
+///
+/// In [0, 1/2], unsigned; 0 outside the lanes returned, which are those of `live` where the edge cuts the disc. Error
+/// below 2e-7 of the disc, also for edges of 1e6 radii and of 1e-6. About 75 operations; 17 for an edge that misses.
+#[inline(always)]
+pub fn segment<V: Vpu>(v: &mut V, live: V::Mask, u0: Vec2<V>, u1: Vec2<V>) -> (V::Mask, V::F32) {
+    let zero = v.vset_f32(0.0);
+    let one = v.vset_f32(1.0);
+
+    // Distance d of the line from the centre; the cross product as a two-FMA difference keeps its digits.
+    let e = [v.vsub(u1[0], u0[0]), v.vsub(u1[1], u0[1])];
+    let c_right = v.vmul(u0[1], u1[0]);
+    let c_lost = v.vnmadd(u0[1], u1[0], c_right);
+    let c_left = v.vmsub(u0[0], u1[1], c_right);
+    let c = v.vadd(c_left, c_lost);
+    let length2 = v.vmul(e[1], e[1]);
+    let length2 = v.vmadd(e[0], e[0], length2);
+    let per_length = v.vrsqrt(length2);
+    let c = v.vabs(c);
+    let d = v.vmul(c, per_length);
+    let live = v.vcmp_gt_masked(live, length2, zero);
+    let live = v.vcmp_lt_masked(live, d, one);
+    if !v.branch_any(live) {
+        return (live, zero);
+    }
+
+    // Clamp the end points, measured along the edge from the foot of the perpendicular, to the half chord.
+    let below = v.vsub(one, d);
+    let above = v.vadd(one, d);
+    let half_chord2 = v.vmul(below, above);
+    let h = math::sqrt(v, half_chord2);
+    let minus_h = v.vsub(zero, h);
+    let mut along = |u: Vec2<V>| {
+        let t = v.vmul(u[1], e[1]);
+        let t = v.vmadd(u[0], e[0], t);
+        let t = v.vmul(t, per_length);
+        let t = v.vmax(t, minus_h);
+        v.vmin(t, h)
+    };
+    let a = along(u0);
+    let b = along(u1);
+    let live = v.vcmp_lt_masked(live, a, b);
+    if !v.branch_any(live) {
+        return (live, zero);
+    }
+
+    // Sector minus triangle.
+    let width = v.vsub(b, a);
+    let triangle = v.vmul(d, width);
+    let d2 = v.vmul(d, d);
+    let x = v.vmadd(a, b, d2);
+    let theta = math::atan2(v, triangle, x);
+    let area = v.vsub(theta, triangle);
+    let turn = v.vset_f32(TURN);
+    let f = v.vmul(area, turn);
+    let f = v.vmax(f, zero);
+    (live, v.vblend_f32(live, f, zero))
+}

@@ -1,0 +1,618 @@
+//! Data structure construction: receivers into the cells of a perspective grid, one for each face of the light that
+//! sees any; contiguous and cell-ordered, with the greatest depth of every cell, block, bin and group.
+//!
+//! ```text
+//! bounds ─► reduce ─► (host: size of each face's grid) ─► count ─► scan ─► scatter ─► nodes ─► groups
+//! ```
+
+use lrbsim_isa::scan::{self, Scan};
+use lrbsim_isa::{Addr, Arena, Compare, Kernel, Ordering, Step, Vpu, math};
+
+use super::Frame;
+use super::layout::{
+    BIN_CELLS, CENTER_X, CENTER_Y, CHILDREN, DEPTH, FACES, FaceGrid, HALF_X, HALF_Y, Layout, NODE_COLUMNS,
+    OWN_TRIANGLE, PIXEL, POSITION, REACH, SLICES,
+};
+use crate::columns::{Columns, lanes_below, lower};
+use crate::plane::Vec3;
+
+/// Receivers of a task.
+const TASK: u32 = 1024;
+
+/// Receivers that a cell should hold: one and a half vectors.
+const CELL_RECEIVERS: u32 = 24;
+
+/// Bounds of a face, a vector each: least x, -x, y, -y, z, -z on the image plane, and the count. Negated maxima, so
+/// that one minimum serves all.
+const BOUNDS: u32 = 7;
+
+/// Words of one face's bounds.
+const BOUND_WORDS: u32 = BOUNDS * 16;
+
+/// More than any coordinate: what an empty face's bounds are.
+const FAR: f32 = 1e30;
+
+/// Rows of the face table.
+const ORIGIN_X: u64 = 0;
+const ORIGIN_Y: u64 = 1;
+const PER_CELL_X: u64 = 2;
+const PER_CELL_Y: u64 = 3;
+const LAST_X: u64 = 4;
+const LAST_Y: u64 = 5;
+const BINS_X: u64 = 6;
+const FIRST_BIN: u64 = 7;
+const SLICE_DEPTH: u64 = 8;
+const ROWS: u64 = 11;
+
+/// A row of the face table: 8 words, by face.
+const fn row(table: Addr, row: u64) -> Addr {
+    table.plus(32 * row)
+}
+
+/// Bounds of the receivers of each task, by face.
+pub fn bounds(frame: &mut Frame, arena: &mut Arena) -> Step {
+    let layout = &mut frame.layout;
+    let tasks = layout.receiver_count.div_ceil(TASK);
+    layout.bounds = arena.alloc(u64::from(tasks * FACES * BOUND_WORDS));
+    layout.face_bounds = arena.alloc(u64::from(FACES * BOUND_WORDS));
+    Step {
+        name: "receiver bounds",
+        ordering: Ordering::Independent,
+        tasks,
+        kernel: Box::new(Bounds { layout: *layout }),
+    }
+}
+
+/// Bounds of all receivers, by face.
+pub fn reduce(frame: &mut Frame, _: &mut Arena) -> Step {
+    let layout = frame.layout;
+    let tables = layout.receiver_count.div_ceil(TASK);
+    Step {
+        name: "face bounds",
+        ordering: Ordering::Independent,
+        tasks: FACES,
+        kernel: Box::new(Reduce { layout, tables }),
+    }
+}
+
+/// Sizes the grids, then counts the receivers of each key.
+pub fn count(frame: &mut Frame, arena: &mut Arena) -> Step {
+    let layout = &mut frame.layout;
+    let mut first_bin = 0;
+    layout.face_count = 0;
+    for face in 0..FACES {
+        if let Some(mut grid) = face_grid(arena, layout.face_bounds, face) {
+            grid.first_bin = first_bin;
+            first_bin += grid.bins_padded();
+            layout.faces[layout.face_count as usize] = grid;
+            layout.face_count += 1;
+        }
+    }
+    layout.bin_count = first_bin;
+    write_tables(layout, arena);
+
+    let keys = u64::from(layout.cell_count() * SLICES);
+    layout.keys = arena.alloc(u64::from(layout.receiver_count) + 16);
+    // A zero line first, so that the end of the key before key 0 can be read.
+    layout.key_ends = arena.alloc(16 + scan::padded(keys)).plus(64);
+    frame.scan = Scan::new(arena, frame.layout.key_ends, keys);
+    let layout = frame.layout;
+    Step {
+        name: "histogram",
+        ordering: Ordering::Independent,
+        tasks: layout.receiver_count.div_ceil(TASK),
+        kernel: Box::new(Count { layout }),
+    }
+}
+
+/// Receivers to their places.
+pub fn scatter(frame: &mut Frame, arena: &mut Arena) -> Step {
+    let layout = &mut frame.layout;
+    layout.samples = Columns::new(arena, 5, layout.receiver_count);
+    Step {
+        name: "scatter",
+        ordering: Ordering::Ordered,
+        tasks: layout.receiver_count.div_ceil(TASK),
+        kernel: Box::new(Scatter { layout: *layout }),
+    }
+}
+
+/// Cells, blocks and bins.
+pub fn nodes(frame: &mut Frame, arena: &mut Arena) -> Step {
+    let layout = &mut frame.layout;
+    layout.cells = Columns::new(arena, NODE_COLUMNS, layout.cell_count());
+    layout.blocks = Columns::new(arena, NODE_COLUMNS, layout.block_count());
+    layout.bins = Columns::new(arena, NODE_COLUMNS, layout.bin_count);
+    layout.groups = Columns::new(arena, NODE_COLUMNS, (layout.bin_count / CHILDREN).next_multiple_of(16) + 16);
+    Step {
+        name: "cell depths",
+        ordering: Ordering::Independent,
+        tasks: layout.bin_count,
+        kernel: Box::new(Nodes { layout: *layout }),
+    }
+}
+
+/// Groups of bins.
+pub fn groups(frame: &mut Frame, _: &mut Arena) -> Step {
+    let layout = frame.layout;
+    Step {
+        name: "group depths",
+        ordering: Ordering::Independent,
+        tasks: layout.bin_count / CHILDREN,
+        kernel: Box::new(Groups { layout }),
+    }
+}
+
+/// The grid of one face, from its bounds; `None` if it sees no receiver.
+fn face_grid(arena: &Arena, bounds: Addr, face: u32) -> Option<FaceGrid> {
+    let at = |bound: u32| bounds.plus(4 * u64::from(face * BOUND_WORDS + 16 * bound));
+    let count = arena.read_u32(at(6));
+    if count == 0 {
+        return None;
+    }
+    let low = [arena.read_f32(at(0)), arena.read_f32(at(2))];
+    let high = [-arena.read_f32(at(1)), -arena.read_f32(at(3))];
+    let (near, far) = (arena.read_f32(at(4)), -arena.read_f32(at(5)));
+
+    // Cells about square, on average with the wished number of receivers; bins whole. A little wider than the bounds,
+    // so that rounding puts no receiver outside.
+    let widen = |low: f32, high: f32| ((high - low) * 1.001).max(1e-6 + 1e-6 * low.abs().max(high.abs()));
+    let extent = [widen(low[0], high[0]), widen(low[1], high[1])];
+    let bins_wished = (f64::from(count) / f64::from(CELL_RECEIVERS * BIN_CELLS)).max(1.0);
+    let aspect = f64::from(extent[0]) / f64::from(extent[1]);
+    let across = ((bins_wished * aspect).sqrt().round()).clamp(1.0, bins_wished.ceil());
+    let down = (bins_wished / across).round().max(1.0);
+    let bins = [across as u32, down as u32];
+    let cell = [extent[0] / (16 * bins[0]) as f32, extent[1] / (16 * bins[1]) as f32];
+    let origin = [0, 1].map(|i| 0.5 * (low[i] + high[i]) - 0.5 * extent[i]);
+
+    // Slices of equal ratio: cells cubical in a perspective grid [algorithms, 1.3].
+    let middle = (near * far).sqrt();
+    let slice_depths = [(near * middle).sqrt(), middle, (middle * far).sqrt()];
+    Some(FaceGrid { face, origin, cell, bins, first_bin: 0, slice_depths })
+}
+
+/// Writes the constants of faces and bins: the descriptors that a driver would set up.
+fn write_tables(layout: &mut Layout, arena: &mut Arena) {
+    layout.face_table = arena.alloc(8 * ROWS);
+    layout.bin_table = Columns::new(arena, 3, layout.bin_count);
+    for grid in &layout.faces[..layout.face_count as usize] {
+        let mut put =
+            |r: u64, bits: u32| arena.write_u32(row(layout.face_table, r).plus(4 * u64::from(grid.face)), bits);
+        put(ORIGIN_X, grid.origin[0].to_bits());
+        put(ORIGIN_Y, grid.origin[1].to_bits());
+        put(PER_CELL_X, (1.0 / grid.cell[0]).to_bits());
+        put(PER_CELL_Y, (1.0 / grid.cell[1]).to_bits());
+        put(LAST_X, ((16 * grid.bins[0] - 1) as f32).to_bits());
+        put(LAST_Y, ((16 * grid.bins[1] - 1) as f32).to_bits());
+        put(BINS_X, grid.bins[0]);
+        put(FIRST_BIN, grid.first_bin);
+        for (i, depth) in grid.slice_depths.into_iter().enumerate() {
+            put(SLICE_DEPTH + i as u64, depth.to_bits());
+        }
+        for bin in 0..grid.bins_padded() {
+            let at = 4 * u64::from(grid.first_bin + bin);
+            let corner = [bin % grid.bins[0], bin / grid.bins[0]];
+            arena.write_u32(layout.bin_table.column(0).plus(at), grid.face);
+            for i in 0..2 {
+                let low = grid.origin[i] + grid.cell[i] * (16 * corner[i]) as f32;
+                arena.write_u32(layout.bin_table.column(1 + i as u32).plus(at), low.to_bits());
+            }
+        }
+    }
+}
+
+/// First and end of task `task` of [`TASK`] receivers.
+#[inline(always)]
+fn range<V: Vpu>(v: &mut V, layout: &Layout, task: V::S32) -> (V::S32, V::S32) {
+    let size = v.s_imm(TASK as i32);
+    let first = v.s_mul(task, size);
+    let end = v.s_add(first, size);
+    let count = v.s_imm(layout.receiver_count as i32);
+    (first, lower(v, end, count))
+}
+
+#[inline(always)]
+fn load_positions<V: Vpu>(v: &mut V, columns: Columns, live: V::Mask, i: V::S32) -> Vec3<V> {
+    let one = v.vset_f32(1.0);
+    let mut axis = |a| v.vload_f32_or(one, live, columns.column(POSITION + a), i);
+    [axis(0), axis(1), axis(2)]
+}
+
+/// Face of each point, by its largest component (the first of equal ones), and its image there: x, y, depth.
+#[inline(always)]
+fn project<V: Vpu>(v: &mut V, p: Vec3<V>) -> (V::I32, V::F32, V::F32, V::F32) {
+    let zero = v.vset_f32(0.0);
+    let size = [v.vabs(p[0]), v.vabs(p[1]), v.vabs(p[2])];
+    // Largest component: y beats x, z beats both, only if strictly larger.
+    let by_y = v.vcmp_gt(size[1], size[0]);
+    let larger = v.vmax(size[0], size[1]);
+    let by_z = v.vcmp_gt(size[2], larger);
+    let depth = v.vblend_f32(by_z, size[2], larger);
+    let along = v.vblend_f32(by_y, p[1], p[0]);
+    let along = v.vblend_f32(by_z, p[2], along);
+    // The other two, in cyclic order.
+    let x = v.vblend_f32(by_y, p[2], p[1]);
+    let x = v.vblend_f32(by_z, p[0], x);
+    let y = v.vblend_f32(by_y, p[0], p[2]);
+    let y = v.vblend_f32(by_z, p[1], y);
+    let x = math::div(v, x, depth);
+    let y = math::div(v, y, depth);
+    // Face number: twice the axis, plus one for the negative half.
+    let axis_x = v.vset_i32(0);
+    let axis_y = v.vset_i32(2);
+    let axis_z = v.vset_i32(4);
+    let one = v.vset_i32(1);
+    let face = v.vblend_i32(by_y, axis_y, axis_x);
+    let face = v.vblend_i32(by_z, axis_z, face);
+    let negative = v.vcmp_lt(along, zero);
+    let face = v.viadd_or(face, negative, face, one);
+    (face, x, y, depth)
+}
+
+struct Bounds {
+    layout: Layout,
+}
+
+impl Kernel for Bounds {
+    #[inline(always)]
+    fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
+        let layout = &self.layout;
+        let (mut i, end) = range(v, layout, task);
+        let step = v.s_imm(16);
+        let words = v.s_imm((FACES * BOUND_WORDS) as i32);
+        let table = v.s_mul(task, words);
+        let all = v.mask_all();
+        let zero = v.vset_f32(0.0);
+        let one = v.vset_i32(1);
+        let far = v.vset_f32(FAR);
+        let none = v.vset_i32(0);
+        for face in 0..FACES {
+            for bound in 0..BOUNDS {
+                let to = layout.bounds.plus(4 * u64::from(face * BOUND_WORDS + 16 * bound));
+                if bound < 6 {
+                    v.vstore_f32(all, to, table, far);
+                } else {
+                    v.vstore_i32(all, to, table, none);
+                }
+            }
+        }
+        while v.branch(Compare::Less, i, end) {
+            let live = lanes_below(v, i, end);
+            let p = load_positions(v, layout.receivers, live, i);
+            let (face, x, y, depth) = project(v, p);
+            let minus = [v.vsub(zero, x), v.vsub(zero, y), v.vsub(zero, depth)];
+            let values = [x, minus[0], y, minus[1], depth, minus[2]];
+            for f in 0..FACES {
+                let number = v.vset_i32(f as i32);
+                let here = v.vicmp_eq_masked(live, face, number);
+                if !v.branch_any(here) {
+                    continue;
+                }
+                let table_of = layout.bounds.plus(4 * u64::from(f * BOUND_WORDS));
+                for (bound, value) in values.into_iter().enumerate() {
+                    let at = table_of.plus(64 * bound as u64);
+                    let least = v.vload_f32(at, table);
+                    let least = v.vmin_or(least, here, least, value);
+                    v.vstore_f32(all, at, table, least);
+                }
+                let at = table_of.plus(64 * 6);
+                let count = v.vload_i32(at, table);
+                let count = v.viadd_or(count, here, count, one);
+                v.vstore_i32(all, at, table, count);
+            }
+            i = v.s_add(i, step);
+        }
+    }
+}
+
+struct Reduce {
+    layout: Layout,
+    tables: u32,
+}
+
+impl Kernel for Reduce {
+    #[inline(always)]
+    fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
+        let words = v.s_imm(BOUND_WORDS as i32);
+        let from = v.s_mul(task, words);
+        let step = v.s_imm((FACES * BOUND_WORDS) as i32);
+        let end = v.s_imm((self.tables * FACES * BOUND_WORDS) as i32);
+        let all = v.mask_all();
+        let far = v.vset_f32(FAR);
+        let mut least = [far; 6];
+        let mut count = v.vset_i32(0);
+        let mut i = from;
+        while v.branch(Compare::Less, i, end) {
+            for (bound, value) in least.iter_mut().enumerate() {
+                let other = v.vload_f32(self.layout.bounds.plus(64 * bound as u64), i);
+                *value = v.vmin(*value, other);
+            }
+            let other = v.vload_i32(self.layout.bounds.plus(64 * 6), i);
+            count = v.viadd(count, other);
+            i = v.s_add(i, step);
+        }
+        for (bound, value) in least.into_iter().enumerate() {
+            let value = math::reduce_min(v, value);
+            v.vstore_f32(all, self.layout.face_bounds.plus(64 * bound as u64), from, value);
+        }
+        // The sum of 16 counts, by doubling.
+        let lane = v.viota();
+        for distance in [1, 2, 4, 8] {
+            let distance = v.vset_i32(distance);
+            let other = v.vxor(lane, distance);
+            let other = v.vpermute(count, other);
+            count = v.viadd(count, other);
+        }
+        v.vstore_i32(all, self.layout.face_bounds.plus(64 * 6), from, count);
+    }
+}
+
+struct Count {
+    layout: Layout,
+}
+
+impl Kernel for Count {
+    #[inline(always)]
+    fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
+        let layout = &self.layout;
+        let (mut i, end) = range(v, layout, task);
+        let step = v.s_imm(16);
+        let one = v.vset_i32(1);
+        let none = v.vset_i32(0);
+        while v.branch(Compare::Less, i, end) {
+            let live = lanes_below(v, i, end);
+            let p = load_positions(v, layout.receivers, live, i);
+            let key = key(v, layout, live, p);
+            v.vstore_i32(live, layout.keys, i, key);
+            v.vatomic_add_or(none, live, layout.key_ends, key, one);
+            i = v.s_add(i, step);
+        }
+    }
+}
+
+/// `cell << 2 | slice` of each point.
+#[inline(always)]
+fn key<V: Vpu>(v: &mut V, layout: &Layout, live: V::Mask, p: Vec3<V>) -> V::I32 {
+    let (face, x, y, depth) = project(v, p);
+    let zero = v.vset_f32(0.0);
+    let none = v.vset_i32(0);
+    let table = layout.face_table;
+    let mut place = |x: V::F32, origin: u64, per_cell: u64, last: u64| {
+        let origin = v.vgather_f32_or(zero, live, row(table, origin), face);
+        let per_cell = v.vgather_f32_or(zero, live, row(table, per_cell), face);
+        let last = v.vgather_f32_or(zero, live, row(table, last), face);
+        let from = v.vsub(x, origin);
+        let cell = v.vmul(from, per_cell);
+        let cell = v.vmax(cell, zero);
+        let cell = v.vmin(cell, last);
+        v.vcvt_f32_i32(cell)
+    };
+    let cx = place(x, ORIGIN_X, PER_CELL_X, LAST_X);
+    let cy = place(y, ORIGIN_Y, PER_CELL_Y, LAST_Y);
+    let bins_x = v.vgather_i32_or(none, live, row(table, BINS_X), face);
+    let first_bin = v.vgather_i32_or(none, live, row(table, FIRST_BIN), face);
+
+    // Bin, block in the bin, cell in the block: two bits of each coordinate a level.
+    let two = v.vset_i32(2);
+    let three = v.vset_i32(3);
+    let four = v.vset_i32(4);
+    let bin_x = v.vsrl(cx, four);
+    let bin_y = v.vsrl(cy, four);
+    let rows = v.vimul(bin_y, bins_x);
+    let bin = v.viadd(rows, bin_x);
+    let mut number = v.viadd(bin, first_bin);
+    for level in [2, 0] {
+        let shift = v.vset_i32(level);
+        for c in [cy, cx] {
+            let digit = v.vsrl(c, shift);
+            let digit = v.vand(digit, three);
+            let up = v.vsll(number, two);
+            number = v.vor(up, digit);
+        }
+    }
+    // Slice.
+    let one = v.vset_i32(1);
+    let mut slice = none;
+    for i in 0..u64::from(SLICES) - 1 {
+        let bound = v.vgather_f32_or(zero, live, row(table, SLICE_DEPTH + i), face);
+        let past = v.vcmp_gt(depth, bound);
+        slice = v.viadd_or(slice, past, slice, one);
+    }
+    let up = v.vsll(number, two);
+    v.vor(up, slice)
+}
+
+struct Scatter {
+    layout: Layout,
+}
+
+impl Kernel for Scatter {
+    #[inline(always)]
+    fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
+        let layout = &self.layout;
+        let (mut i, end) = range(v, layout, task);
+        let step = v.s_imm(16);
+        let one = v.vset_i32(1);
+        let none = v.vset_i32(0);
+        while v.branch(Compare::Less, i, end) {
+            let live = lanes_below(v, i, end);
+            let key = v.vload_i32_or(none, live, layout.keys, i);
+            // Each key's start moves to its end.
+            let to = v.vatomic_add_or(none, live, layout.key_ends, key, one);
+            for column in [POSITION, POSITION + 1, POSITION + 2, OWN_TRIANGLE, PIXEL] {
+                let value = v.vload_i32_or(none, live, layout.receivers.column(column), i);
+                v.vscatter_i32(live, layout.samples.column(column), to, value);
+            }
+            i = v.s_add(i, step);
+        }
+    }
+}
+
+struct Nodes {
+    layout: Layout,
+}
+
+impl Kernel for Nodes {
+    #[inline(always)]
+    fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
+        let layout = &self.layout;
+        let all = v.mask_all();
+        let zero = v.vset_f32(0.0);
+        let half = v.vset_f32(0.5);
+        let four = v.vset_f32(4.0);
+        let one = v.vset_i32(1);
+        let two = v.vset_i32(2);
+        let three = v.vset_i32(3);
+        let lane = v.viota();
+        let column = v.vand(lane, three);
+        let line = v.vsrl(lane, two);
+        let column = v.vcvt_i32_f32(column);
+        let line = v.vcvt_i32_f32(line);
+        let column = v.vadd(column, half);
+        let line = v.vadd(line, half);
+
+        // The bin's face: which coordinate is its depth, where it lies, how large its cells are.
+        let face = v.s_load(layout.bin_table.column(0), task);
+        let s_one = v.s_imm(1);
+        let axis = v.s_shr(face, s_one);
+        let stride = v.s_imm(layout.samples.stride() as i32);
+        let depths = v.s_mul(axis, stride);
+        let depths = v.vsplat(depths);
+        let low_x = v.vbroadcast_f32(layout.bin_table.column(1), task);
+        let low_y = v.vbroadcast_f32(layout.bin_table.column(2), task);
+        let per_cell_x = v.vbroadcast_f32(row(layout.face_table, PER_CELL_X), face);
+        let per_cell_y = v.vbroadcast_f32(row(layout.face_table, PER_CELL_Y), face);
+        let cell_x = v.vrcp(per_cell_x);
+        let cell_y = v.vrcp(per_cell_y);
+        let block_x = v.vmul(cell_x, four);
+        let block_y = v.vmul(cell_y, four);
+
+        // Blocks: 16 a bin, a lane each; their depths come from their cells below.
+        let s_four = v.s_imm(4);
+        let sixteen = v.s_imm(16);
+        let first_block = v.s_mul(task, sixteen);
+        let block_column = v.vmul(column, block_x);
+        let block_line = v.vmul(line, block_y);
+        let block_center_x = v.vadd(low_x, block_column);
+        let block_center_y = v.vadd(low_y, block_line);
+        let mut block_depth = zero;
+        let cell_column = v.vmul(column, cell_x);
+        let cell_line = v.vmul(line, cell_y);
+        for block in 0..CHILDREN {
+            let number = v.s_imm(block as i32);
+            let block_number = v.s_add(first_block, number);
+            let first_cell = v.s_shl(block_number, s_four);
+            // Sample range of each cell: its last slice's end, from the end of the cell before.
+            let cell = v.vsplat(first_cell);
+            let cell = v.viadd(cell, lane);
+            let key = v.vsll(cell, two);
+            let before = Addr(layout.key_ends.0 - 4);
+            let mut at = v.vgather_i32_or(lane, all, before, key);
+            let end = v.vgather_i32_or(lane, all, before.plus(4 * u64::from(SLICES)), key);
+            // Greatest depth of 16 cells at once.
+            let mut depth = zero;
+            let mut left = v.vicmp_lt(at, end);
+            while v.branch_any(left) {
+                let sample = v.viadd(at, depths);
+                let z = v.vgather_f32_or(zero, left, layout.samples.column(POSITION), sample);
+                let z = v.vabs(z);
+                depth = v.vmax_or(depth, left, depth, z);
+                at = v.viadd(at, one);
+                left = v.vicmp_lt_masked(left, at, end);
+            }
+            let lane_of_block = v.s_imm(1 << block);
+            let here = v.kmov_from_scalar(lane_of_block);
+            let deepest = math::reduce_max(v, depth);
+            block_depth = v.vblend_f32(here, deepest, block_depth);
+            // Rectangles.
+            let corner_x = v.vset_f32((block % 4) as f32);
+            let corner_y = v.vset_f32((block / 4) as f32);
+            let x = v.vmadd(corner_x, block_x, low_x);
+            let x = v.vadd(x, cell_column);
+            let y = v.vmadd(corner_y, block_y, low_y);
+            let y = v.vadd(y, cell_line);
+            store_nodes(v, all, layout.cells, first_cell, [x, y], [cell_x, cell_y], depth);
+        }
+        let block_size = [block_x, block_y];
+        store_nodes(v, all, layout.blocks, first_block, [block_center_x, block_center_y], block_size, block_depth);
+
+        // The bin itself.
+        let bit = v.s_imm(1);
+        let first = v.kmov_from_scalar(bit);
+        let deepest = math::reduce_max(v, block_depth);
+        let size_x = v.vmul(block_x, four);
+        let size_y = v.vmul(block_y, four);
+        let x = v.vmadd(size_x, half, low_x);
+        let y = v.vmadd(size_y, half, low_y);
+        store_nodes(v, first, layout.bins, task, [x, y], [size_x, size_y], deepest);
+    }
+}
+
+/// Stores up to 16 rectangles with their depths and reach; `size` is the whole width and height.
+#[inline(always)]
+fn store_nodes<V: Vpu>(
+    v: &mut V,
+    live: V::Mask,
+    nodes: Columns,
+    at: V::S32,
+    center: [V::F32; 2],
+    size: [V::F32; 2],
+    depth: V::F32,
+) {
+    let one = v.vset_f32(1.0);
+    // Wider by a rounding or two, so that what was put inside by its key is inside.
+    let half = v.vset_f32(0.500_01);
+    let half_x = v.vmul(size[0], half);
+    let half_y = v.vmul(size[1], half);
+    let corner_x = v.vabs(center[0]);
+    let corner_x = v.vadd(corner_x, half_x);
+    let corner_y = v.vabs(center[1]);
+    let corner_y = v.vadd(corner_y, half_y);
+    let reach2 = v.vmadd(corner_x, corner_x, one);
+    let reach2 = v.vmadd(corner_y, corner_y, reach2);
+    let reach = math::sqrt(v, reach2);
+    v.vstore_f32(live, nodes.column(CENTER_X), at, center[0]);
+    v.vstore_f32(live, nodes.column(CENTER_Y), at, center[1]);
+    v.vstore_f32(live, nodes.column(HALF_X), at, half_x);
+    v.vstore_f32(live, nodes.column(HALF_Y), at, half_y);
+    v.vstore_f32(live, nodes.column(DEPTH), at, depth);
+    v.vstore_f32(live, nodes.column(REACH), at, reach);
+}
+
+struct Groups {
+    layout: Layout,
+}
+
+impl Kernel for Groups {
+    #[inline(always)]
+    fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
+        let layout = &self.layout;
+        let four = v.s_imm(4);
+        let first_bin = v.s_shl(task, four);
+        let zero = v.vset_f32(0.0);
+        let far = v.vset_f32(FAR);
+        let half = v.vset_f32(0.5);
+        let depth = v.vload_f32(layout.bins.column(DEPTH), first_bin);
+        let used = v.vcmp_gt(depth, zero);
+        let deepest = math::reduce_max(v, depth);
+        let mut span = |center: u32, half_size: u32| {
+            let c = v.vload_f32(layout.bins.column(center), first_bin);
+            let h = v.vload_f32(layout.bins.column(half_size), first_bin);
+            let low = v.vsub_or(far, used, c, h);
+            let low = math::reduce_min(v, low);
+            let minus_far = v.vsub(zero, far);
+            let high = v.vadd_or(minus_far, used, c, h);
+            let high = math::reduce_max(v, high);
+            let sum = v.vadd(low, high);
+            let middle = v.vmul(sum, half);
+            let size = v.vsub(high, low);
+            (middle, size)
+        };
+        let (x, size_x) = span(CENTER_X, HALF_X);
+        let (y, size_y) = span(CENTER_Y, HALF_Y);
+        let bit = v.s_imm(1);
+        let first = v.kmov_from_scalar(bit);
+        store_nodes(v, first, layout.groups, task, [x, y], [size_x, size_y], deepest);
+    }
+}

@@ -1,0 +1,320 @@
+//! Conservative tests of one primitive against 16 rectangles of a face at once: which can hold a receiver that the
+//! primitive shadows, and from which depth on.
+//!
+//! The same tests serve groups, bins, blocks and cells. They may say yes too often, never no: a receiver that is left
+//! out would have got exactly 0 from the exact kernels. The slacks below cover rounding only; each is relative, or an
+//! angle on the image plane, so nothing depends on the scale of the scene.
+
+use lrbsim_isa::{Addr, Vpu, math};
+
+use super::layout::{CENTER_X, CENTER_Y, DEPTH, FaceGrid, HALF_X, HALF_Y, LightConstants, REACH};
+use crate::columns::Columns;
+
+/// Rounding of a dot product of three terms, relative to the sum of their sizes, with a factor of four to spare.
+const DOT_SLACK: f32 = 1e-6;
+
+/// Rounding of a position on the image plane, whose coordinates are at most about 1.
+const IMAGE_SLACK: f32 = 1e-6;
+
+/// Rounding of a penumbra's half width, relative.
+const WIDTH_SLACK: f32 = 1e-5;
+
+/// Part of an edge's least distance below which its points leave the face's image plane.
+const CLIP: f32 = 0.2;
+
+/// A light's radius over an edge's least distance up to which points beyond [`CLIP`] cannot touch the face: those points
+/// are more than 78 degrees off the axis and receivers at most 55, and sin(23 degrees) = 0.39... of `|v|` is more
+/// than the radius.
+const NEAR: f32 = 0.39;
+
+/// Farther than any receiver.
+const FAR: f32 = 1e30;
+
+/// A face's frame as constants of the code: where its coordinates stand in a record, and the sign of its depth.
+#[derive(Clone, Copy)]
+pub struct FaceFrame {
+    words: [u64; 3],
+    sign: f32,
+}
+
+impl FaceFrame {
+    /// The frame of a face.
+    pub fn new(grid: &FaceGrid) -> FaceFrame {
+        let axis = u64::from(grid.face / 2);
+        let sign = if grid.face % 2 == 0 { 1.0 } else { -1.0 };
+        FaceFrame { words: [(axis + 1) % 3, (axis + 2) % 3, axis], sign }
+    }
+
+    /// Three words of a record in this frame, each in every lane.
+    #[inline(always)]
+    fn load<V: Vpu>(&self, v: &mut V, records: Addr, index: V::S32) -> [V::F32; 3] {
+        let x = v.vbroadcast_f32(records.plus(4 * self.words[0]), index);
+        let y = v.vbroadcast_f32(records.plus(4 * self.words[1]), index);
+        let z = v.vbroadcast_f32(records.plus(4 * self.words[2]), index);
+        let sign = v.vset_f32(self.sign);
+        [x, y, v.vmul(z, sign)]
+    }
+}
+
+/// A linear form on the image plane: `a x + b y + c`, with the sizes of `a` and `b`.
+struct Form<V: Vpu> {
+    a: V::F32,
+    b: V::F32,
+    /// With the slack added.
+    c: V::F32,
+    size_a: V::F32,
+    size_b: V::F32,
+}
+
+impl<V: Vpu> Form<V> {
+    #[inline(always)]
+    fn new(v: &mut V, n: [V::F32; 3]) -> Form<V> {
+        let slack = v.vset_f32(DOT_SLACK);
+        let size = [v.vabs(n[0]), v.vabs(n[1]), v.vabs(n[2])];
+        let sum = v.vadd(size[0], size[1]);
+        let sum = v.vadd(sum, size[2]);
+        let c = v.vmadd(sum, slack, n[2]);
+        Form { a: n[0], b: n[1], c, size_a: size[0], size_b: size[1] }
+    }
+
+    /// Greatest value over 16 rectangles.
+    #[inline(always)]
+    fn max(&self, v: &mut V, r: &Rectangles<V>) -> V::F32 {
+        let at = v.vmadd(self.b, r.y, self.c);
+        let at = v.vmadd(self.a, r.x, at);
+        let at = v.vmadd(self.size_a, r.half_x, at);
+        v.vmadd(self.size_b, r.half_y, at)
+    }
+}
+
+/// 16 rectangles.
+struct Rectangles<V: Vpu> {
+    x: V::F32,
+    y: V::F32,
+    half_x: V::F32,
+    half_y: V::F32,
+    depth: V::F32,
+}
+
+impl<V: Vpu> Rectangles<V> {
+    #[inline(always)]
+    fn load(v: &mut V, nodes: Columns, at: V::S32) -> Rectangles<V> {
+        Rectangles {
+            x: v.vload_f32(nodes.column(CENTER_X), at),
+            y: v.vload_f32(nodes.column(CENTER_Y), at),
+            half_x: v.vload_f32(nodes.column(HALF_X), at),
+            half_y: v.vload_f32(nodes.column(HALF_Y), at),
+            depth: v.vload_f32(nodes.column(DEPTH), at),
+        }
+    }
+}
+
+/// Which of 16 rectangles a primitive touches, and the least depth of a receiver there that it can shadow.
+pub trait Touch<V: Vpu> {
+    /// The primitive of record `index` (in words) in a face's frame.
+    fn set_up(v: &mut V, light: &LightConstants, frame: FaceFrame, records: Addr, index: V::S32) -> Self;
+    /// Tests nodes `at..at + 16`.
+    fn touch(&self, v: &mut V, nodes: Columns, at: V::S32) -> (V::Mask, V::F32);
+}
+
+/// A triangle in a face's frame: its three edge planes, turned inward, and its own plane.
+pub struct Triangle<V: Vpu> {
+    edges: [Form<V>; 3],
+    plane: Form<V>,
+    distance: V::F32,
+}
+
+impl<V: Vpu> Touch<V> for Triangle<V> {
+    #[inline(always)]
+    fn set_up(v: &mut V, _: &LightConstants, frame: FaceFrame, records: Addr, index: V::S32) -> Self {
+        let sign_bit = v.vset_i32(i32::MIN);
+        let mut edge = |e: u64| {
+            let n = frame.load(v, records.plus(12 * e), index);
+            let flag = v.vbroadcast_i32(records.plus(52 + 4 * e), index);
+            let flip = v.vand(flag, sign_bit);
+            let mut inward = |x: V::F32| {
+                let bits = v.bits_of(x);
+                let bits = v.vxor(bits, flip);
+                v.from_bits(bits)
+            };
+            let n = [inward(n[0]), inward(n[1]), inward(n[2])];
+            Form::new(v, n)
+        };
+        let edges = [edge(0), edge(1), edge(2)];
+        let normal = frame.load(v, records.plus(36), index);
+        let plane = Form::new(v, normal);
+        let distance = v.vbroadcast_f32(records.plus(48), index);
+        Triangle { edges, plane, distance }
+    }
+
+    #[inline(always)]
+    fn touch(&self, v: &mut V, nodes: Columns, at: V::S32) -> (V::Mask, V::F32) {
+        let rectangles = Rectangles::load(v, nodes, at);
+        let zero = v.vset_f32(0.0);
+        // Some point inside each edge plane.
+        let inside = self.edges[0].max(v, &rectangles);
+        let mut touched = v.vcmp_ge(inside, zero);
+        for edge in &self.edges[1..] {
+            let inside = edge.max(v, &rectangles);
+            touched = v.vcmp_ge_masked(touched, inside, zero);
+        }
+        // The deepest receiver beyond the plane.
+        let slope = self.plane.max(v, &rectangles);
+        let beyond = v.vmul(slope, rectangles.depth);
+        let touched = v.vcmp_ge_masked(touched, beyond, self.distance);
+        let touched = v.vcmp_gt_masked(touched, rectangles.depth, zero);
+        let inverse = v.vrcp(slope);
+        let start = v.vmul(self.distance, inverse);
+        let less = v.vset_f32(1.0 - DOT_SLACK);
+        (touched, v.vmul(start, less))
+    }
+}
+
+/// A silhouette edge in a face's frame: its image, and the half width of its penumbra by depth [algorithms, 2.7].
+///
+/// Point v touches the penumbra of receiver p only if sin phi <= r (1/|v| - cos phi/|p|). With images v' and p' on the
+/// plane at distance 1, their distance is at most |v'| |p'| sin phi, and |v| = z_v |v'|, |p| = z_p |p'|, hence
+/// **distance <= r (|p'| / z_v - cos phi |v'| / z_p)**.
+pub struct Edge<V: Vpu> {
+    from: [V::F32; 2],
+    along: [V::F32; 2],
+    per_length2: V::F32,
+    /// `r / z_v`, for the least depth of the edge.
+    near_width: V::F32,
+    /// `r cos phi |v'|`, for the least of each.
+    far_width: V::F32,
+    /// Some of the edge is in front of the face.
+    in_front: V::Mask,
+    /// The edge is so close to the light that it is taken to touch everything.
+    everywhere: V::Mask,
+}
+
+impl<V: Vpu> Touch<V> for Edge<V> {
+    #[inline(always)]
+    fn set_up(v: &mut V, light: &LightConstants, frame: FaceFrame, records: Addr, index: V::S32) -> Self {
+        let zero = v.vset_f32(0.0);
+        let one = v.vset_f32(1.0);
+        let mut a = frame.load(v, records, index);
+        let mut b = frame.load(v, records.plus(12), index);
+        let least = v.vbroadcast_f32(records.plus(44), index);
+        let radius = v.vset_f32(light.bound_radius);
+        let near = v.vset_f32(NEAR);
+        let bound = v.vmul(near, least);
+        let everywhere = v.vcmp_ge(radius, bound);
+
+        // Clip to what the image plane can hold.
+        let clip = v.vset_f32(CLIP);
+        let floor = v.vmul(clip, least);
+        let a_below = v.vcmp_lt(a[2], floor);
+        let b_below = v.vcmp_lt(b[2], floor);
+        let none = v.kand(a_below, b_below);
+        let in_front = v.knot(none);
+        let rise = v.vsub(b[2], a[2]);
+        let up = v.vsub(floor, a[2]);
+        let t = math::div(v, up, rise);
+        for i in 0..2 {
+            let span = v.vsub(b[i], a[i]);
+            let from = a[i];
+            let cut = v.vmadd(span, t, from);
+            a[i] = v.vblend_f32(a_below, cut, a[i]);
+            b[i] = v.vblend_f32(b_below, cut, b[i]);
+        }
+        a[2] = v.vmax(a[2], floor);
+        b[2] = v.vmax(b[2], floor);
+
+        // Its image.
+        let per_a = v.vrcp(a[2]);
+        let per_b = v.vrcp(b[2]);
+        let from = [v.vmul(a[0], per_a), v.vmul(a[1], per_a)];
+        let to = [v.vmul(b[0], per_b), v.vmul(b[1], per_b)];
+        let along = [v.vsub(to[0], from[0]), v.vsub(to[1], from[1])];
+        let length2 = v.vmul(along[1], along[1]);
+        let length2 = v.vmadd(along[0], along[0], length2);
+        let has_length = v.vcmp_gt(length2, zero);
+        let per_length2 = v.vrcp(length2);
+        let per_length2 = v.vblend_f32(has_length, per_length2, zero);
+
+        // Widths.
+        let per_depth = v.vmax(per_a, per_b);
+        let near_width = v.vmul(radius, per_depth);
+        let per_least = v.vrcp(least);
+        let sin = v.vmul(radius, per_least);
+        let cos2 = v.vnmadd(sin, sin, one);
+        let cos2 = v.vmax(cos2, zero);
+        let cos = math::sqrt(v, cos2);
+        let edge = Edge {
+            from,
+            along,
+            per_length2,
+            near_width,
+            far_width: zero,
+            in_front,
+            everywhere,
+        };
+        let origin_distance2 = edge.distance2(v, [zero, zero]);
+        let reach2 = v.vadd(origin_distance2, one);
+        let reach = math::sqrt(v, reach2);
+        let far_width = v.vmul(radius, cos);
+        let far_width = v.vmul(far_width, reach);
+        let less = v.vset_f32(1.0 - WIDTH_SLACK);
+        Edge { far_width: v.vmul(far_width, less), ..edge }
+    }
+
+    #[inline(always)]
+    fn touch(&self, v: &mut V, nodes: Columns, at: V::S32) -> (V::Mask, V::F32) {
+        let rectangles = Rectangles::load(v, nodes, at);
+        let reach = v.vload_f32(nodes.column(REACH), at);
+        let zero = v.vset_f32(0.0);
+        let slack = v.vset_f32(IMAGE_SLACK);
+
+        // Distance of the rectangles from the edge's image, at least.
+        let distance2 = self.distance2(v, [rectangles.x, rectangles.y]);
+        let distance = math::sqrt(v, distance2);
+        let half2 = v.vmul(rectangles.half_y, rectangles.half_y);
+        let half2 = v.vmadd(rectangles.half_x, rectangles.half_x, half2);
+        let half = math::sqrt(v, half2);
+        let half = v.vadd(half, slack);
+        let distance = v.vsub(distance, half);
+        let distance = v.vmax(distance, zero);
+
+        // Half width of the penumbra at the deepest receiver, at most.
+        let more = v.vset_f32(1.0 + WIDTH_SLACK);
+        let widest = v.vmul(self.near_width, reach);
+        let widest = v.vmul(widest, more);
+        let per_depth = v.vrcp(rectangles.depth);
+        let width = v.vnmadd(self.far_width, per_depth, widest);
+        let width = v.vadd(width, slack);
+        let touched = v.vcmp_le_masked(self.in_front, distance, width);
+        let touched = v.kor(touched, self.everywhere);
+        let touched = v.vcmp_gt_masked(touched, rectangles.depth, zero);
+
+        // Wedge test [algorithms, 2.7]: the depth at which the penumbra reaches the rectangle.
+        let wide = v.vadd(widest, slack);
+        let left = v.vsub(wide, distance);
+        let per_left = v.vrcp(left);
+        let start = v.vmul(self.far_width, per_left);
+        let reached = v.vcmp_gt(left, zero);
+        let far = v.vset_f32(FAR);
+        let start = v.vblend_f32(reached, start, far);
+        (touched, v.vblend_f32(self.everywhere, zero, start))
+    }
+}
+
+impl<V: Vpu> Edge<V> {
+    /// Squared distance of 16 points from the edge's image.
+    #[inline(always)]
+    fn distance2(&self, v: &mut V, p: [V::F32; 2]) -> V::F32 {
+        let zero = v.vset_f32(0.0);
+        let one = v.vset_f32(1.0);
+        let d = [v.vsub(p[0], self.from[0]), v.vsub(p[1], self.from[1])];
+        let t = v.vmul(d[1], self.along[1]);
+        let t = v.vmadd(d[0], self.along[0], t);
+        let t = v.vmul(t, self.per_length2);
+        let t = v.vmax(t, zero);
+        let t = v.vmin(t, one);
+        let x = v.vnmadd(t, self.along[0], d[0]);
+        let y = v.vnmadd(t, self.along[1], d[1]);
+        let y2 = v.vmul(y, y);
+        v.vmadd(x, x, y2)
+    }
+}
