@@ -1,0 +1,128 @@
+//! Which triangles meet at which edge, and how the layers of each body are counted.
+//!
+//! `weld` joins positions, `orient` makes windings consistent, `counting` classifies bodies; [`prepare`] runs the
+//! first two, once, when a scene is made.
+
+mod counting;
+mod orient;
+mod silhouette;
+mod weld;
+
+#[cfg(test)]
+mod tests;
+
+pub use counting::Counting;
+pub(crate) use silhouette::counts;
+pub use silhouette::{EdgeWeights, edge_weights, light_inside, silhouette_edges};
+
+use crate::mesh::Mesh;
+
+/// No component: degenerate and duplicate triangles.
+pub const NO_COMPONENT: u32 = u32::MAX;
+
+/// Edges of a prepared mesh with the faces on them, in compressed rows.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Adjacency {
+    /// Vertex pairs, `v[0] < v[1]`, sorted.
+    pub edges: Vec<[u32; 2]>,
+    /// Faces of edge `e` are `edge_faces[edge_first[e]..edge_first[e + 1]]`; length `edges + 1`.
+    pub edge_first: Vec<u32>,
+    /// `triangle << 1 | side`, ascending within an edge; side 0: the triangle runs `v[0] -> v[1]`.
+    pub edge_faces: Vec<u32>,
+    /// How the layers of each triangle are counted. Per triangle.
+    pub counting: Vec<Counting>,
+    /// Body each triangle belongs to: connected over edges with exactly two faces. [`NO_COMPONENT`] for triangles
+    /// that are on no edge. Per triangle.
+    pub component: Vec<u32>,
+    /// The triangle that stands for this one: itself, or the first of its duplicates. Per triangle.
+    pub stands_for: Vec<u32>,
+}
+
+impl Adjacency {
+    /// Adjacency of `mesh`, whose positions are shared by index ([`prepare`]).
+    ///
+    /// Triangles with a repeated corner or exactly zero area are on no edge; of triangles with the same three
+    /// corners only the first is: a sheet that is there twice casts the shadow of one.
+    #[must_use]
+    pub fn new(mesh: &Mesh) -> Self {
+        let stands_for = duplicates(mesh);
+        let listed = |t: usize| stands_for[t] as usize == t && !is_degenerate(mesh, t);
+
+        // All sides of all triangles, sorted by edge.
+        let mut sides: Vec<([u32; 2], u32)> = Vec::with_capacity(mesh.triangles.len() * 3);
+        for (index, t) in mesh.triangles.iter().enumerate().filter(|(i, _)| listed(*i)) {
+            for k in 0..3 {
+                let (a, b) = (t[k], t[(k + 1) % 3]);
+                sides.push(([a.min(b), a.max(b)], (index as u32) << 1 | u32::from(a > b)));
+            }
+        }
+        sides.sort_unstable();
+        let mut edges = Vec::new();
+        let mut edge_first = Vec::new();
+        let mut edge_faces = Vec::with_capacity(sides.len());
+        for (edge, face) in sides {
+            if edges.last() != Some(&edge) {
+                edges.push(edge);
+                edge_first.push(edge_faces.len() as u32);
+            }
+            edge_faces.push(face);
+        }
+        edge_first.push(edge_faces.len() as u32);
+
+        let mut adjacency =
+            Self { edges, edge_first, edge_faces, counting: Vec::new(), component: Vec::new(), stands_for };
+        let orientation = orient::orientation(mesh, &adjacency);
+        adjacency.counting = counting::classify(mesh, &adjacency, &orientation);
+        adjacency.component = orientation.component;
+        adjacency
+    }
+
+    /// Faces on edge `edge`, as in `edge_faces`.
+    #[must_use]
+    pub fn faces(&self, edge: usize) -> &[u32] {
+        &self.edge_faces[self.edge_first[edge] as usize..self.edge_first[edge + 1] as usize]
+    }
+}
+
+/// Welds and orients `mesh` and orders its vertices by first use. Doing it twice changes nothing more.
+///
+/// The number and order of triangles stay; windings may be turned over.
+pub fn prepare(mesh: &mut Mesh) {
+    weld::weld(mesh);
+    orient::orient(mesh);
+    weld::order_by_first_use(mesh);
+}
+
+/// A repeated corner, or exactly no area in f64.
+pub(crate) fn is_degenerate(mesh: &Mesh, index: usize) -> bool {
+    let [a, b, c] = mesh.triangles[index];
+    if a == b || b == c || c == a {
+        return true;
+    }
+    let [p, q, r] = mesh.corners(index);
+    let (e, f) = (q - p, r - p);
+    // Scaled, so that areas of 1e-60 do not count as none and those of 1e60 do not overflow.
+    let scale = e.abs().max_element().max(f.abs().max_element());
+    scale == 0.0 || (e / scale).cross(f / scale) == glam::DVec3::ZERO
+}
+
+fn duplicates(mesh: &Mesh) -> Vec<u32> {
+    let mut stands_for: Vec<u32> = (0..mesh.triangles.len() as u32).collect();
+    let mut sorted: Vec<([u32; 3], u32)> = mesh
+        .triangles
+        .iter()
+        .zip(0..)
+        .map(|(t, index)| {
+            let mut key = *t;
+            key.sort_unstable();
+            (key, index)
+        })
+        .collect();
+    sorted.sort_unstable();
+    for pair in sorted.windows(2) {
+        if pair[0].0 == pair[1].0 {
+            stands_for[pair[1].1 as usize] = stands_for[pair[0].1 as usize];
+        }
+    }
+    stands_for
+}

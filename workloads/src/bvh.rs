@@ -1,0 +1,289 @@
+//! A bounding volume hierarchy over triangles, all in f64, for the eye view and the reference rays.
+//!
+//! Crates for this keep boxes and hit distances in f32; receivers must be exact hit points, and scenes may lie
+//! 5000 km off the origin, so the hierarchy is ours: binned surface-area splits, watertight triangle test.
+
+use glam::DVec3;
+
+use crate::mesh::{Bounds, Mesh};
+
+/// Leaves hold at most this many triangles, unless they cannot be split.
+const LEAF_TRIANGLES: usize = 4;
+/// Bins tried by the surface-area heuristic along each axis.
+const BINS: usize = 16;
+/// Depth of the traversal stack; the build never goes deeper.
+const STACK: usize = 64;
+
+/// A hit of a ray.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hit {
+    /// Parameter along the ray, in units of the direction given.
+    pub t: f64,
+    /// Triangle that was hit.
+    pub triangle: u32,
+    /// Weights of the three corners; they sum to 1.
+    pub weights: [f64; 3],
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Node {
+    bounds: Bounds,
+    /// Leaf: first entry in `order`. Inner node: index of the right child; the left one follows the node.
+    first: u32,
+    /// Triangles of a leaf, 0 for an inner node.
+    count: u32,
+    /// Axis of the split.
+    axis: u8,
+}
+
+/// The hierarchy, with a copy of the corners in leaf order.
+#[derive(Debug, Clone)]
+pub struct Bvh {
+    nodes: Vec<Node>,
+    corners: Vec<[DVec3; 3]>,
+    order: Vec<u32>,
+}
+
+/// A ray made ready for the watertight test: axes permuted so that the direction is largest along the third.
+struct Ray {
+    origin: DVec3,
+    inverse: DVec3,
+    axes: [usize; 3],
+    shear: DVec3,
+}
+
+impl Ray {
+    fn new(origin: DVec3, direction: DVec3) -> Self {
+        let abs = direction.abs();
+        let z = if abs.x > abs.y && abs.x > abs.z { 0 } else { 1 + usize::from(abs.z >= abs.y) };
+        let (mut x, mut y) = ((z + 1) % 3, (z + 2) % 3);
+        if direction[z] < 0.0 {
+            core::mem::swap(&mut x, &mut y);
+        }
+        let shear = DVec3::new(direction[x] / direction[z], direction[y] / direction[z], 1.0 / direction[z]);
+        Self { origin, inverse: direction.recip(), axes: [x, y, z], shear }
+    }
+
+    /// Woop, Benthin and Wald 2013: no ray slips between two triangles that share an edge.
+    fn triangle(&self, corners: &[DVec3; 3], t_min: f64, t_max: f64) -> Option<(f64, [f64; 3])> {
+        let [x, y, z] = self.axes;
+        let [a, b, c] = corners.map(|p| p - self.origin);
+        let (ax, ay) = (a[x] - self.shear.x * a[z], a[y] - self.shear.y * a[z]);
+        let (bx, by) = (b[x] - self.shear.x * b[z], b[y] - self.shear.y * b[z]);
+        let (cx, cy) = (c[x] - self.shear.x * c[z], c[y] - self.shear.y * c[z]);
+        let (u, v, w) = (cx * by - cy * bx, ax * cy - ay * cx, bx * ay - by * ax);
+        if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {
+            return None;
+        }
+        let det = u + v + w;
+        if det == 0.0 {
+            return None;
+        }
+        let t = (u * a[z] + v * b[z] + w * c[z]) * self.shear.z / det;
+        (t > t_min && t < t_max).then(|| (t, [u / det, v / det, w / det]))
+    }
+
+    /// Whether the ray meets the box between the two parameters.
+    fn meets(&self, bounds: &Bounds, t_min: f64, t_max: f64) -> bool {
+        // `max(NaN, x)` is x: a ray in the plane of a slab (0 * inf) is not cut by it.
+        let low = (bounds.min - self.origin) * self.inverse;
+        let high = (bounds.max - self.origin) * self.inverse;
+        let mut near = t_min;
+        let mut far = t_max;
+        for k in 0..3 {
+            if low[k].is_nan() || high[k].is_nan() {
+                continue;
+            }
+            near = near.max(low[k].min(high[k]));
+            far = far.min(low[k].max(high[k]));
+        }
+        // Three roundings on either side [pbrt, §6.8.2].
+        near <= far + far.abs() * 8.0 * f64::EPSILON
+    }
+}
+
+impl Bvh {
+    /// Builds the hierarchy. O(n log n); the result depends on `mesh` alone.
+    #[must_use]
+    pub fn new(mesh: &Mesh) -> Self {
+        let corners: Vec<[DVec3; 3]> = (0..mesh.triangles.len()).map(|t| mesh.corners(t)).collect();
+        let boxes: Vec<Bounds> = corners
+            .iter()
+            .map(|c| {
+                let mut bounds = Bounds::EMPTY;
+                c.iter().for_each(|&p| bounds.add(p));
+                bounds
+            })
+            .collect();
+        let mut build = Build { boxes, nodes: Vec::new() };
+        let mut order: Vec<u32> = (0..corners.len() as u32).collect();
+        if !order.is_empty() {
+            build.node(&mut order, 0, 0);
+        }
+        let corners = order.iter().map(|&t| corners[t as usize]).collect();
+        Self { nodes: build.nodes, corners, order }
+    }
+
+    /// The first triangle along the ray with `t_min < t < t_max`; of hits at the same `t`, the lowest index.
+    #[must_use]
+    pub fn closest(&self, origin: DVec3, direction: DVec3, t_min: f64, t_max: f64) -> Option<Hit> {
+        let mut best: Option<Hit> = None;
+        self.walk(origin, direction, t_min, t_max, |ray, corners, triangle, limit| {
+            // Equal distances are let through, to be decided by index rather than by the order of the walk.
+            if let Some((t, weights)) = ray.triangle(corners, t_min, limit.next_up()) {
+                let wins = best.is_none_or(|b| t < b.t || (t == b.t && triangle < b.triangle));
+                if wins && t < t_max {
+                    best = Some(Hit { t, triangle, weights });
+                    return Some(t);
+                }
+            }
+            Some(limit)
+        });
+        best
+    }
+
+    /// Whether any triangle that `accept`s lies on the ray with `t_min < t < t_max`.
+    pub fn any(
+        &self,
+        origin: DVec3,
+        direction: DVec3,
+        t_min: f64,
+        t_max: f64,
+        accept: impl Fn(u32) -> bool,
+    ) -> bool {
+        let mut found = false;
+        self.walk(origin, direction, t_min, t_max, |ray, corners, triangle, limit| {
+            found = ray.triangle(corners, t_min, t_max).is_some() && accept(triangle);
+            (!found).then_some(limit)
+        });
+        found
+    }
+
+    /// Visits leaves near to far; `visit` returns the new upper limit, or `None` to stop.
+    fn walk(
+        &self,
+        origin: DVec3,
+        direction: DVec3,
+        t_min: f64,
+        t_max: f64,
+        mut visit: impl FnMut(&Ray, &[DVec3; 3], u32, f64) -> Option<f64>,
+    ) {
+        if self.nodes.is_empty() {
+            return;
+        }
+        let ray = Ray::new(origin, direction);
+        let mut limit = t_max;
+        let mut stack = [0_u32; STACK];
+        let mut depth = 1;
+        while depth > 0 {
+            depth -= 1;
+            let index = stack[depth];
+            let node = &self.nodes[index as usize];
+            if !ray.meets(&node.bounds, t_min, limit) {
+                continue;
+            }
+            if node.count == 0 {
+                let near_first = direction[node.axis as usize] >= 0.0;
+                let (near, far) = if near_first { (index + 1, node.first) } else { (node.first, index + 1) };
+                stack[depth] = far;
+                stack[depth + 1] = near;
+                depth += 2;
+                continue;
+            }
+            for k in node.first as usize..(node.first + node.count) as usize {
+                match visit(&ray, &self.corners[k], self.order[k], limit) {
+                    Some(new_limit) => limit = new_limit,
+                    None => return,
+                }
+            }
+        }
+    }
+}
+
+struct Build {
+    boxes: Vec<Bounds>,
+    nodes: Vec<Node>,
+}
+
+impl Build {
+    fn node(&mut self, order: &mut [u32], first: u32, depth: usize) {
+        let bounds = order.iter().fold(Bounds::EMPTY, |b, &t| b.union(self.boxes[t as usize]));
+        let index = self.nodes.len();
+        self.nodes.push(Node { bounds, first, count: order.len() as u32, axis: 0 });
+        // The walk keeps one entry a level and two for the children.
+        if order.len() <= LEAF_TRIANGLES || depth + 3 >= STACK {
+            return;
+        }
+        let Some((axis, middle)) = self.split(order, depth) else { return };
+        let (left, right) = order.split_at_mut(middle);
+        self.node(left, first, depth + 1);
+        self.nodes[index].first = self.nodes.len() as u32;
+        self.nodes[index].count = 0;
+        self.nodes[index].axis = axis as u8;
+        self.node(right, first + middle as u32, depth + 1);
+    }
+
+    /// Sorts `order` into two parts; axis and size of the first part.
+    fn split(&self, order: &mut [u32], depth: usize) -> Option<(usize, usize)> {
+        let mut centers = Bounds::EMPTY;
+        order.iter().for_each(|&t| centers.add(self.boxes[t as usize].center()));
+        let size = centers.size();
+        let widest = (0..3).fold(0, |best, k| if size[k] > size[best] { k } else { best });
+        if size[widest] <= 0.0 || !size[widest].is_finite() {
+            return None;
+        }
+        // Deep trees finish with equal halves, which bounds the depth.
+        if depth < STACK / 2
+            && let Some((axis, at)) = self.best_bin(order, &centers)
+        {
+            let bin = |t: u32| bin_of(self.boxes[t as usize].center()[axis], &centers, axis);
+            let mut parts: Vec<u32> = order.iter().copied().filter(|&t| bin(t) <= at).collect();
+            let middle = parts.len();
+            parts.extend(order.iter().copied().filter(|&t| bin(t) > at));
+            if middle > 0 && middle < order.len() {
+                order.copy_from_slice(&parts);
+                return Some((axis, middle));
+            }
+        }
+        let key = |t: u32| self.boxes[t as usize].center()[widest];
+        order.sort_unstable_by(|&a, &b| key(a).total_cmp(&key(b)).then(a.cmp(&b)));
+        Some((widest, order.len() / 2))
+    }
+
+    fn best_bin(&self, order: &[u32], centers: &Bounds) -> Option<(usize, usize)> {
+        let mut best: Option<(f64, usize, usize)> = None;
+        for axis in (0..3).filter(|&k| centers.size()[k] > 0.0) {
+            let mut bins = [(Bounds::EMPTY, 0_usize); BINS];
+            for &t in order {
+                let bounds = self.boxes[t as usize];
+                let bin = &mut bins[bin_of(bounds.center()[axis], centers, axis)];
+                *bin = (bin.0.union(bounds), bin.1 + 1);
+            }
+            let mut right = [0.0; BINS];
+            let mut sum = (Bounds::EMPTY, 0);
+            for k in (1..BINS).rev() {
+                sum = (sum.0.union(bins[k].0), sum.1 + bins[k].1);
+                right[k] = half_area(&sum.0) * sum.1 as f64;
+            }
+            let mut sum = (Bounds::EMPTY, 0);
+            for k in 0..BINS - 1 {
+                sum = (sum.0.union(bins[k].0), sum.1 + bins[k].1);
+                let cost = half_area(&sum.0) * sum.1 as f64 + right[k + 1];
+                if sum.1 > 0 && sum.1 < order.len() && best.is_none_or(|b| cost < b.0) {
+                    best = Some((cost, axis, k));
+                }
+            }
+        }
+        best.map(|(_, axis, k)| (axis, k))
+    }
+}
+
+fn bin_of(x: f64, centers: &Bounds, axis: usize) -> usize {
+    let part = (x - centers.min[axis]) / centers.size()[axis];
+    ((part * BINS as f64) as usize).min(BINS - 1)
+}
+
+fn half_area(bounds: &Bounds) -> f64 {
+    let s = bounds.size();
+    if s.x < 0.0 { 0.0 } else { s.x * s.y + s.y * s.z + s.z * s.x }
+}

@@ -1,0 +1,117 @@
+//! Triangle meshes in world space.
+
+use glam::DVec3;
+
+/// A name and the triangles it covers: `first..last`, half open.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ObjectRange {
+    /// Name as in the file; empty if the file gives none. Need not be unique.
+    pub name: String,
+    /// First triangle of the object.
+    pub first: u32,
+    /// One past the last triangle of the object.
+    pub last: u32,
+}
+
+/// Indexed triangles, f64, world space, any unit.
+///
+/// A mesh of a [`crate::Scene`] has been welded and oriented ([`crate::adjacency::prepare`]); one straight from a
+/// file has not.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Mesh {
+    /// Vertex positions; finite, and finite in f32 too.
+    pub positions: Vec<DVec3>,
+    /// Three indices into `positions` each. Degenerate and duplicate triangles are allowed.
+    pub triangles: Vec<[u32; 3]>,
+    /// Named runs of triangles, in order; together they cover all triangles.
+    pub objects: Vec<ObjectRange>,
+}
+
+/// An axis-aligned box; empty when `min > max`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bounds {
+    /// Least corner.
+    pub min: DVec3,
+    /// Greatest corner.
+    pub max: DVec3,
+}
+
+impl Bounds {
+    /// The box that holds nothing.
+    pub const EMPTY: Self = Self { min: DVec3::INFINITY, max: DVec3::NEG_INFINITY };
+
+    /// Grows to hold `point`.
+    pub fn add(&mut self, point: DVec3) {
+        self.min = self.min.min(point);
+        self.max = self.max.max(point);
+    }
+
+    /// The smallest box that holds both.
+    #[must_use]
+    pub fn union(self, other: Self) -> Self {
+        Self { min: self.min.min(other.min), max: self.max.max(other.max) }
+    }
+
+    /// Edge lengths.
+    #[must_use]
+    pub fn size(&self) -> DVec3 {
+        self.max - self.min
+    }
+
+    /// The middle, formed so that it does not overflow.
+    #[must_use]
+    pub fn center(&self) -> DVec3 {
+        self.min * 0.5 + self.max * 0.5
+    }
+
+    /// Length of the diagonal; 0 for an empty box.
+    #[must_use]
+    pub fn diagonal(&self) -> f64 {
+        let size = self.size();
+        if size.x < 0.0 { 0.0 } else { length(size) }
+    }
+}
+
+/// Length of `v` without overflow or underflow on the way (coordinates may be 1e30 or 1e-300).
+pub(crate) fn length(v: DVec3) -> f64 {
+    let scale = v.abs().max_element();
+    if scale == 0.0 || !scale.is_finite() { scale } else { scale * (v / scale).length() }
+}
+
+impl Mesh {
+    /// Corners of triangle `index`.
+    #[must_use]
+    pub fn corners(&self, index: usize) -> [DVec3; 3] {
+        self.triangles[index].map(|v| self.positions[v as usize])
+    }
+
+    /// `(b - a) x (c - a)`: normal times twice the area.
+    #[must_use]
+    pub fn area_normal(&self, index: usize) -> DVec3 {
+        let [a, b, c] = self.corners(index);
+        (b - a).cross(c - a)
+    }
+
+    /// Box around the vertices that triangles use: stray vertices do not count.
+    #[must_use]
+    pub fn bounds(&self) -> Bounds {
+        let mut bounds = Bounds::EMPTY;
+        for &v in self.triangles.iter().flatten() {
+            bounds.add(self.positions[v as usize]);
+        }
+        bounds
+    }
+
+    /// Adds `other` behind what is here, objects included.
+    pub fn append(&mut self, other: &Self) {
+        let first_vertex = self.positions.len() as u32;
+        let first_triangle = self.triangles.len() as u32;
+        self.positions.extend_from_slice(&other.positions);
+        self.triangles.extend(other.triangles.iter().map(|t| t.map(|v| v + first_vertex)));
+        self.objects.extend(other.objects.iter().map(|o| ObjectRange {
+            name: o.name.clone(),
+            first: o.first + first_triangle,
+            last: o.last + first_triangle,
+        }));
+    }
+}

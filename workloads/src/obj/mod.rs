@@ -1,0 +1,120 @@
+//! Wavefront OBJ files, read by tobj after they have been cleaned.
+//!
+//! tobj takes some bad files for good and some good ones for bad; so [`clean`] checks every statement that matters,
+//! with line numbers, and hands on only `o`, `v x y z` and `f i j k …` in their plainest form. Polygons are
+//! triangulated here ([`triangulate`]), as a fan covers the outside of a concave one.
+
+mod clean;
+mod triangulate;
+
+#[cfg(test)]
+mod tests;
+
+use std::path::Path;
+
+use glam::DVec3;
+
+use crate::mesh::{Mesh, ObjectRange};
+
+/// What is wrong with an OBJ file.
+#[derive(Debug, thiserror::Error)]
+pub enum ObjError {
+    /// The file could not be read.
+    #[error("cannot read `{path}`: {source}")]
+    Read {
+        /// Path of the file.
+        path: String,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// A statement is not sound.
+    #[error("{path}:{line}: found {found}; it must be {expected}")]
+    Line {
+        /// Path of the file.
+        path: String,
+        /// Line, from 1.
+        line: usize,
+        /// What stands there.
+        found: String,
+        /// What would be right.
+        expected: String,
+    },
+    /// More vertices or triangles than 32-bit indices can name.
+    #[error("`{path}` has {count} {what}; at most 2^31 - 1 can be used")]
+    TooLarge {
+        /// Path of the file.
+        path: String,
+        /// How many there are.
+        count: usize,
+        /// Of what.
+        what: &'static str,
+    },
+    /// tobj refused text that had been checked.
+    #[error("`{path}`: {source}")]
+    Tobj {
+        /// Path of the file.
+        path: String,
+        /// What tobj said.
+        source: tobj::LoadError,
+    },
+}
+
+/// Reads the OBJ file at `path`. A file without faces gives a mesh without triangles.
+///
+/// # Errors
+/// If the file cannot be read or is not sound.
+pub fn read_file(path: &Path) -> Result<Mesh, ObjError> {
+    let shown = path.display().to_string();
+    match std::fs::read(path) {
+        Ok(bytes) => read_bytes(&bytes, &shown),
+        Err(source) => Err(ObjError::Read { path: shown, source }),
+    }
+}
+
+/// Reads OBJ text; `path` is for messages only.
+///
+/// # Errors
+/// If the text is not sound.
+pub fn read_bytes(bytes: &[u8], path: &str) -> Result<Mesh, ObjError> {
+    let text = clean::decode(bytes).map_err(|fault| fault.at(path))?;
+    let cleaned = clean::clean(text).map_err(|fault| fault.at(path))?;
+    let options = tobj::LoadOptions { ignore_points: true, ignore_lines: true, ..Default::default() };
+    let no_materials = |_: &Path| Err(tobj::LoadError::GenericFailure);
+    let (models, _) = tobj::load_obj_buf(&mut cleaned.text.as_bytes(), &options, no_materials)
+        .map_err(|source| ObjError::Tobj { path: path.to_owned(), source })?;
+
+    let mut mesh = Mesh::default();
+    for model in models {
+        let first = mesh.triangles.len();
+        append_model(&mut mesh, &model.mesh);
+        // The cleaner numbers objects, because tobj trims names.
+        let name = model.name.parse::<usize>().ok().and_then(|k| cleaned.names.get(k));
+        mesh.objects.push(ObjectRange {
+            name: name.cloned().unwrap_or_default(),
+            first: first as u32,
+            last: mesh.triangles.len() as u32,
+        });
+    }
+    for (count, what) in [(mesh.positions.len(), "vertices"), (mesh.triangles.len(), "triangles")] {
+        if count > i32::MAX as usize {
+            return Err(ObjError::TooLarge { path: path.to_owned(), count, what });
+        }
+    }
+    Ok(mesh)
+}
+
+fn append_model(mesh: &mut Mesh, model: &tobj::Mesh) {
+    let first_vertex = mesh.positions.len() as u32;
+    mesh.positions.extend(model.positions.chunks_exact(3).map(DVec3::from_slice));
+    // tobj leaves the arities empty if all faces are triangles.
+    let all_triangles = vec![3; if model.face_arities.is_empty() { model.indices.len() / 3 } else { 0 }];
+    let mut rest = model.indices.as_slice();
+    for &arity in model.face_arities.iter().chain(&all_triangles) {
+        let (face, tail) = rest.split_at(arity as usize);
+        rest = tail;
+        let corners: Vec<DVec3> = face.iter().map(|&v| mesh.positions[(v + first_vertex) as usize]).collect();
+        for t in triangulate::triangulate(&corners) {
+            mesh.triangles.push(t.map(|k| face[k] + first_vertex));
+        }
+    }
+}

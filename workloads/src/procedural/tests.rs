@@ -1,0 +1,41 @@
+use super::*;
+use crate::adjacency::prepare;
+
+fn request(name: &str, seed: u32, detail: u32) -> Procedural {
+    Procedural { procedural: name.to_owned(), seed, detail }
+}
+
+#[test]
+fn generators_give_the_same_mesh_twice_and_finer_ones_with_detail() {
+    for name in NAMES {
+        let mesh = build(&request(name, 1, 1)).expect(name);
+        assert_eq!(mesh, build(&request(name, 1, 1)).expect(name));
+        assert!(build(&request(name, 1, 2)).expect(name).triangles.len() >= mesh.triangles.len());
+        let mut objects = mesh.objects.iter();
+        let mut last = 0;
+        assert!(
+            objects.all(|o| core::mem::replace(&mut last, o.last) == o.first),
+            "{name}: gaps between objects"
+        );
+        assert_eq!(last as usize, mesh.triangles.len());
+    }
+}
+
+#[test]
+fn another_seed_moves_the_chairs() {
+    assert_ne!(
+        build(&request("saloon", 1, 1)).expect("there"),
+        build(&request("saloon", 2, 1)).expect("there")
+    );
+}
+
+#[test]
+fn preparing_keeps_every_triangle() {
+    for name in NAMES {
+        let mut mesh = build(&request(name, 1, 1)).expect(name);
+        let before = mesh.triangles.len();
+        prepare(&mut mesh);
+        assert_eq!(mesh.triangles.len(), before);
+        assert!((0..before).all(|t| !crate::adjacency::is_degenerate(&mesh, t)), "{name}");
+    }
+}

@@ -1,0 +1,21 @@
+//! What shadows should look like, computed on the host in f64: the truths that kernels are compared with.
+//!
+//! * [`shadow_rays`]: many rays per receiver; right for any scene, with noise.
+//! * [`Occluders`]: the `exact` form of the soft irregular shadow map, every edge against every receiver, no grid.
+//!   Kernels differ from it by rounding only; it differs from the rays by the method's own errors.
+//! * [`ErrorMetrics`]: how far one picture is from another.
+
+mod hard;
+mod metrics;
+mod occluders;
+mod rays;
+mod segment;
+
+#[cfg(test)]
+mod tests;
+
+pub use hard::{HardHit, hard_test};
+pub use metrics::ErrorMetrics;
+pub use occluders::{Occluders, Projection};
+pub use rays::{Rays, shadow_rays};
+pub use segment::area_beyond;

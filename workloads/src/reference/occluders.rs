@@ -1,0 +1,245 @@
+//! The `exact` form by brute force.
+
+use glam::{DVec2, DVec3};
+use rayon::prelude::*;
+
+use super::hard::{hard_test, is_left};
+use super::segment::area_beyond;
+use crate::adjacency::{Adjacency, Counting, EdgeWeights, counts};
+use crate::eye::EyeView;
+use crate::light::Light;
+use crate::mesh::Mesh;
+use crate::shadow_input::ShadowInput;
+
+/// A triangle nearer than this to the receiver, as a part of its distance from the light, does not shadow it.
+const SELF_SHADOW_EPS: f64 = 1e-5;
+/// Edges are clipped this far in front of the receiver, as a part of its distance from the light.
+const CLIP_EPS: f64 = 1e-6;
+
+/// The light seen from one receiver: vertices become positions on the unit disc. [algorithms, §2.5, §2.6]
+#[derive(Debug, Clone, Copy)]
+pub struct Projection {
+    p: DVec3,
+    axis: DVec3,
+    basis: [DVec3; 2],
+    /// Foot of the perpendicular from the receiver on the disc's plane, in the basis.
+    foot: DVec2,
+    distance: f64,
+    radius: f64,
+}
+
+impl Projection {
+    /// For receiver `p` (light at the origin) and a disc of `radius` across `normal`; `None`: it faces the receiver.
+    #[must_use]
+    pub fn new(p: DVec3, radius: f64, normal: Option<DVec3>) -> Self {
+        let axis = match normal {
+            None => -p.normalize(),
+            Some(n) if n.dot(p) > 0.0 => -n,
+            Some(n) => n,
+        };
+        let (u, v) = axis.any_orthonormal_pair();
+        // A disc that faces the receiver has it straight ahead: leave the rounding of that out.
+        let foot = if normal.is_some() { DVec2::new(p.dot(u), p.dot(v)) } else { DVec2::ZERO };
+        Self { p, axis, basis: [u, v], foot, distance: -p.dot(axis), radius }
+    }
+
+    /// Position of `v` on the disc; `v` must lie between receiver and light.
+    #[must_use]
+    pub fn vertex(&self, v: DVec3) -> DVec2 {
+        self.on_disc(v - self.p)
+    }
+
+    /// Position of the point at `q` from the receiver.
+    fn on_disc(&self, q: DVec3) -> DVec2 {
+        let stretch = self.distance / q.dot(self.axis);
+        let [u, v] = self.basis;
+        (self.foot + DVec2::new(q.dot(u), q.dot(v)) * stretch) / self.radius
+    }
+
+    /// The edge on the disc, clipped between receiver and light; `None` if nothing is left.
+    fn edge(&self, v0: DVec3, v1: DVec3) -> Option<[DVec2; 2]> {
+        let (q0, q1) = (v0 - self.p, v1 - self.p);
+        let (h0, h1) = (q0.dot(self.axis), q1.dot(self.axis));
+        let (low, high) = (CLIP_EPS * self.distance, self.distance);
+        if (h0 <= low && h1 <= low) || (h0 >= high && h1 >= high) {
+            return None;
+        }
+        let clip = |q: DVec3, h: f64| {
+            let bound = h.clamp(low, high);
+            if bound == h { q } else { q0 + (q1 - q0) * ((bound - h0) / (h1 - h0)) }
+        };
+        Some([self.on_disc(clip(q0, h0)), self.on_disc(clip(q1, h1))])
+    }
+}
+
+struct Face {
+    id: u32,
+    index: [u32; 3],
+    front: i32,
+    back: i32,
+}
+
+struct Silhouette {
+    v: [u32; 2],
+    weights: EdgeWeights,
+}
+
+/// All that casts shadows, about a light at the origin, in f64.
+pub struct Occluders {
+    vertices: Vec<DVec3>,
+    faces: Vec<Face>,
+    edges: Vec<Silhouette>,
+    radius: f64,
+    normal: Option<DVec3>,
+}
+
+impl Occluders {
+    /// From the very numbers that kernels get: differences to a kernel are then its rounding, or its faults.
+    #[must_use]
+    pub fn from_input(input: &ShadowInput) -> Self {
+        let vertices: Vec<DVec3> = input.vertices.iter().map(|&v| glam::Vec3::from(v).as_dvec3()).collect();
+        let row =
+            |e: usize| &input.edge_faces[input.edge_first[e] as usize..input.edge_first[e + 1] as usize];
+        let rows: Vec<&[u32]> = (0..input.edges.len()).map(row).collect();
+        let mut made = Self::make(vertices, &input.triangles, &input.counting, &input.edges, &rows);
+        made.radius = f64::from(input.light_radius);
+        made.normal = input.light_normal.map(|n| glam::Vec3::from(n).as_dvec3().normalize());
+        made
+    }
+
+    /// From a prepared mesh, without rounding to f32.
+    #[must_use]
+    pub fn from_mesh(mesh: &Mesh, adjacency: &Adjacency, light: &Light) -> Self {
+        let center = light.center();
+        let inside = crate::adjacency::light_inside(mesh, adjacency, center);
+        let triangles: Vec<[u32; 3]> = (0..mesh.triangles.len())
+            .map(|t| {
+                let [a, b, c] = mesh.triangles[t];
+                if adjacency.component[t] == crate::adjacency::NO_COMPONENT {
+                    [a; 3]
+                } else if inside[t] {
+                    [a, c, b]
+                } else {
+                    [a, b, c]
+                }
+            })
+            .collect();
+        let turned: Vec<u32> =
+            adjacency.edge_faces.iter().map(|f| f ^ u32::from(inside[(f >> 1) as usize])).collect();
+        let row = |e: usize| &turned[adjacency.edge_first[e] as usize..adjacency.edge_first[e + 1] as usize];
+        let rows: Vec<&[u32]> = (0..adjacency.edges.len()).map(row).collect();
+        let vertices = mesh.positions.iter().map(|&p| p - center).collect();
+        let mut made = Self::make(vertices, &triangles, &adjacency.counting, &adjacency.edges, &rows);
+        made.radius = light.disc_radius();
+        made.normal = light.disc_normal();
+        made
+    }
+
+    fn make(
+        vertices: Vec<DVec3>,
+        triangles: &[[u32; 3]],
+        counting: &[Counting],
+        edges: &[[u32; 2]],
+        rows: &[&[u32]],
+    ) -> Self {
+        let det: Vec<f64> = triangles
+            .iter()
+            .map(|t| {
+                let [a, b, c] = t.map(|v| vertices[v as usize]);
+                a.dot((b - a).cross(c - a))
+            })
+            .collect();
+        let faces = triangles
+            .iter()
+            .zip(0_u32..)
+            .map(|(&index, id)| {
+                let (front, back) = counts(counting[id as usize], det[id as usize]);
+                Face { id, index, front, back }
+            })
+            .filter(|face| face.front != 0 || face.back != 0)
+            .collect();
+        let edges = edges
+            .iter()
+            .zip(rows)
+            .map(|(&v, row)| {
+                let mut weights = EdgeWeights::default();
+                for &face in *row {
+                    let t = (face >> 1) as usize;
+                    weights.add(counting[t], det[t], face & 1);
+                }
+                Silhouette { v, weights }
+            })
+            .filter(|edge| edge.weights.is_silhouette())
+            .collect();
+        Self { vertices, faces, edges, radius: 0.0, normal: None }
+    }
+
+    /// Edges with a weight other than 0.
+    #[must_use]
+    pub fn silhouette_edges(&self) -> usize {
+        self.edges.len()
+    }
+
+    /// The sums (F, B) at receiver `p` (light-centred), not clamped; the triangle `own` does not shadow it.
+    #[must_use]
+    pub fn sums(&self, p: DVec3, own: u32) -> (f64, f64) {
+        let (mut front, mut back) = (0.0, 0.0);
+        // Umbra: layers between receiver and the middle of the light.
+        for face in self.faces.iter().filter(|face| face.id != own) {
+            let v = face.index.map(|v| self.vertices[v as usize]);
+            if let Some(hit) = hard_test(v, face.index, p)
+                && hit.inside
+                && hit.t > 0.0
+                && hit.t < 1.0 - SELF_SHADOW_EPS
+            {
+                front += f64::from(face.front);
+                back += f64::from(face.back);
+            }
+        }
+        // Penumbra: what each silhouette takes from the layers or adds to them.
+        if self.radius > 0.0 {
+            let projection = Projection::new(p, self.radius, self.normal);
+            for edge in &self.edges {
+                let [v0, v1] = edge.v.map(|v| self.vertices[v as usize]);
+                let Some([u0, u1]) = projection.edge(v0, v1) else { continue };
+                let area = area_beyond(u0, u1);
+                if area != 0.0 {
+                    let signed = if is_left(p, v0, v1) { -area } else { area };
+                    front += signed * f64::from(edge.weights.front);
+                    back += signed * f64::from(edge.weights.back);
+                }
+            }
+        }
+        (front, back)
+    }
+
+    /// Visible part of the light, in [0, 1], at receiver `p`.
+    #[must_use]
+    pub fn visibility_at(&self, p: DVec3, own: u32) -> f64 {
+        let (front, back) = self.sums(p, own);
+        1.0 - front.max(back).clamp(0.0, 1.0)
+    }
+
+    /// Visibility of each receiver of `input`, which these occluders were made from.
+    #[must_use]
+    pub fn visibility(&self, input: &ShadowInput) -> Vec<f64> {
+        input
+            .receivers
+            .par_iter()
+            .zip(&input.receiver_triangle)
+            .map(|(&p, &own)| self.visibility_at(glam::Vec3::from(p).as_dvec3(), own))
+            .collect()
+    }
+
+    /// Visibility of each receiver of a view of the mesh, in f64 throughout.
+    #[must_use]
+    pub fn visibility_of_view(&self, adjacency: &Adjacency, light: &Light, eye: &EyeView) -> Vec<f64> {
+        let center = light.center();
+        let own = |t: u32| adjacency.stands_for[t as usize];
+        eye.points
+            .par_iter()
+            .zip(&eye.triangles)
+            .map(|(&p, &t)| self.visibility_at(p - center, own(t)))
+            .collect()
+    }
+}

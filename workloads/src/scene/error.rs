@@ -1,0 +1,57 @@
+//! What can be wrong with a scene.
+
+use crate::obj::ObjError;
+
+/// Why a scene could not be made.
+#[derive(Debug, thiserror::Error)]
+pub enum SceneError {
+    /// Neither a shipped name nor a file of a known kind.
+    #[error("`{found}` is not a scene; it must be FILE.json, FILE.obj, or one of: {known}")]
+    Unknown {
+        /// What was asked for.
+        found: String,
+        /// Names of the shipped scenes.
+        known: String,
+    },
+    /// The scene file could not be read.
+    #[error("cannot read `{path}`: {source}")]
+    Read {
+        /// Path of the scene file.
+        path: String,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// Not JSON, an unknown field, or a value of the wrong type. Line and column are in the message.
+    #[error("{0}")]
+    Json(#[from] serde_json::Error),
+    /// A value that cannot be rendered.
+    #[error("`{at}` is {found}; it must be {expected}")]
+    Value {
+        /// JSON path of the value, such as `camera.fov_y_degrees`.
+        at: String,
+        /// What was found.
+        found: String,
+        /// What would be right.
+        expected: String,
+    },
+    /// The mesh could not be read.
+    #[error(transparent)]
+    Obj(#[from] ObjError),
+    /// Nothing to see.
+    #[error("`{mesh}` has no triangles; a scene needs at least one")]
+    NoTriangles {
+        /// The mesh as the scene names it.
+        mesh: String,
+    },
+}
+
+impl SceneError {
+    /// JSON path of the value at fault, if it is one value.
+    #[must_use]
+    pub fn json_path(&self) -> Option<&str> {
+        match self {
+            Self::Value { at, .. } => Some(at),
+            _ => None,
+        }
+    }
+}

@@ -1,0 +1,62 @@
+//! Scene files as written.
+
+use core::fmt;
+
+use serde::{Deserialize, Serialize};
+
+use crate::camera::{Camera, ImageSize};
+use crate::light::Light;
+
+/// A scene as in `configs/scenes/*.json`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SceneFile {
+    /// The triangles.
+    pub mesh: MeshSource,
+    /// Where they are seen from.
+    pub camera: Camera,
+    /// Size of the picture.
+    pub image: ImageSize,
+    /// What casts the shadows.
+    pub light: Light,
+}
+
+/// Where triangles come from: `"PATH.obj"` or `{"procedural": NAME, …}`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(
+    untagged,
+    expecting = "a mesh is the path of an OBJ file, or {\"procedural\": NAME, \"seed\": N, \"detail\": N}"
+)]
+pub enum MeshSource {
+    /// An OBJ file; relative to the scene file.
+    Path(String),
+    /// Triangles made by code.
+    Procedural(Procedural),
+}
+
+/// A mesh made by code.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Procedural {
+    /// Name of the generator.
+    pub procedural: String,
+    /// Seed of its random choices; 1 if left out.
+    #[serde(default = "one")]
+    pub seed: u32,
+    /// Fineness of round parts: their sides are multiplied by this, in 1..=16. 1 if left out.
+    #[serde(default = "one")]
+    pub detail: u32,
+}
+
+fn one() -> u32 {
+    1
+}
+
+impl fmt::Display for MeshSource {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Path(path) => f.write_str(path),
+            Self::Procedural(p) => write!(f, "procedural {}", p.procedural),
+        }
+    }
+}

@@ -1,0 +1,102 @@
+//! Scenes: a mesh with camera, picture size and light.
+
+mod builtin;
+mod error;
+mod file;
+mod validate;
+
+#[cfg(test)]
+mod tests;
+
+use std::path::Path;
+
+pub use builtin::{builtin_names, builtin_scene};
+pub use error::SceneError;
+pub use file::{MeshSource, Procedural, SceneFile};
+pub use validate::validate;
+
+use crate::adjacency::prepare;
+use crate::camera::{Camera, ImageSize};
+use crate::fit::{FitInfo, fit_scene};
+use crate::light::Light;
+use crate::mesh::Mesh;
+use crate::{obj, procedural};
+
+/// A scene that can be rendered: valid, mesh prepared ([`prepare`]) and with at least one triangle.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scene {
+    /// Name of a shipped scene, or the stem of its file.
+    pub name: String,
+    /// Welded and oriented triangles, world space.
+    pub mesh: Mesh,
+    /// Where it is seen from.
+    pub camera: Camera,
+    /// Size of the picture.
+    pub image: ImageSize,
+    /// What casts the shadows.
+    pub light: Light,
+    /// Where the mesh came from: a path as given, or `procedural NAME`.
+    pub source: String,
+    /// What was fitted, if the scene is a bare OBJ file.
+    pub fit: Option<FitInfo>,
+}
+
+impl Scene {
+    /// Puts a scene together from a file's content and its mesh, which is prepared here.
+    ///
+    /// # Errors
+    /// If a value is unsound or the mesh has no triangles.
+    pub fn new(name: &str, file: &SceneFile, mut mesh: Mesh) -> Result<Self, SceneError> {
+        validate(file)?;
+        let source = file.mesh.to_string();
+        if mesh.triangles.is_empty() {
+            return Err(SceneError::NoTriangles { mesh: source });
+        }
+        prepare(&mut mesh);
+        let SceneFile { camera, image, light, .. } = *file;
+        Ok(Self { name: name.to_owned(), mesh, camera, image, light, source, fit: None })
+    }
+}
+
+/// Loads a scene: the name of a shipped one, a `FILE.json`, or a `FILE.obj`, which gets a fitted view.
+///
+/// Paths of files are relative to `base_dir`; a mesh path in a scene file is relative to that file.
+///
+/// # Errors
+/// If a file cannot be read or is not sound; names the place, what was found and what would be right.
+pub fn load_scene(arg: &str, base_dir: &Path) -> Result<Scene, SceneError> {
+    if let Some(text) = builtin_scene(arg) {
+        return parse_scene(text, arg, base_dir);
+    }
+    let path = base_dir.join(arg);
+    let name = path.file_stem().map_or_else(|| arg.to_owned(), |s| s.to_string_lossy().into_owned());
+    match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
+        Some("json") => {
+            let text = std::fs::read_to_string(&path)
+                .map_err(|source| SceneError::Read { path: path.display().to_string(), source })?;
+            parse_scene(&text, &name, path.parent().unwrap_or(base_dir))
+        }
+        Some("obj") => {
+            let mesh = obj::read_file(&path)?;
+            if mesh.triangles.is_empty() {
+                return Err(SceneError::NoTriangles { mesh: arg.to_owned() });
+            }
+            Ok(Scene { name, source: arg.to_owned(), ..fit_scene(mesh) })
+        }
+        _ => Err(SceneError::Unknown { found: arg.to_owned(), known: builtin_names().join(", ") }),
+    }
+}
+
+/// Makes a scene of the text of a scene file; its mesh path is relative to `mesh_dir`.
+///
+/// # Errors
+/// As [`load_scene`].
+pub fn parse_scene(text: &str, name: &str, mesh_dir: &Path) -> Result<Scene, SceneError> {
+    let file: SceneFile = serde_json::from_str(text)?;
+    validate(&file)?;
+    let mesh = match &file.mesh {
+        MeshSource::Path(path) => obj::read_file(&mesh_dir.join(path))?,
+        MeshSource::Procedural(procedural) => procedural::build(procedural)?,
+    };
+    Scene::new(name, &file, mesh)
+}

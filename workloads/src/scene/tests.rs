@@ -1,0 +1,120 @@
+use std::path::Path;
+
+use glam::DVec3;
+
+use super::*;
+use crate::adjacency::{Adjacency, Counting, silhouette_edges};
+use crate::{EyeView, ShadowInput};
+
+#[test]
+fn shipped_scenes_load_and_their_bodies_are_closed() {
+    for name in builtin_names() {
+        let scene = load_scene(name, Path::new(".")).expect(name);
+        let adjacency = Adjacency::new(&scene.mesh);
+        assert!(adjacency.counting.iter().all(|&c| c == Counting::Closed), "{name}");
+    }
+}
+
+#[test]
+fn the_small_saloon_is_as_large_as_promised() {
+    let scene = load_scene("saloon-small", Path::new(".")).expect("shipped");
+    let adjacency = Adjacency::new(&scene.mesh);
+    assert!(scene.mesh.triangles.len() >= 10_000);
+    assert!(silhouette_edges(&scene.mesh, &adjacency, scene.light.center()) >= 1_500);
+    assert!(scene.image.width >= 640 && scene.image.height >= 480);
+    // The light is inside the room and inside the view.
+    let bounds = scene.mesh.bounds();
+    let center = scene.light.center();
+    assert!(center.cmpgt(bounds.min).all() && center.cmplt(bounds.max).all());
+    let axes = scene.camera.axes(scene.image);
+    let to_light = center - scene.camera.eye;
+    let depth = to_light.dot(axes.forward);
+    assert!(to_light.dot(axes.right).abs() < depth * axes.right.length_squared());
+    assert!(to_light.dot(axes.up).abs() < depth * axes.up.length_squared());
+}
+
+#[test]
+fn the_tiny_scene_is_tiny_and_surrounds_its_light() {
+    let scene = load_scene("tiny", Path::new(".")).expect("shipped");
+    assert!(scene.mesh.triangles.len() <= 200);
+    let adjacency = Adjacency::new(&scene.mesh);
+    let eye = EyeView::render(&scene.mesh, &scene.camera, scene.image.width, scene.image.height);
+    let input = ShadowInput::new(&scene, &adjacency, &eye);
+    let mut faces = [0; 6];
+    for p in &input.receivers {
+        let axis = (0..3).fold(0, |best, k| if p[k].abs() > p[best].abs() { k } else { best });
+        faces[axis * 2 + usize::from(p[axis] < 0.0)] += 1;
+    }
+    assert!(faces.iter().filter(|&&n| n > 20).count() >= 2, "{faces:?}");
+}
+
+#[test]
+fn inputs_of_kernels_do_not_depend_on_the_scale_of_the_scene() {
+    let scene = load_scene("tiny", Path::new(".")).expect("shipped");
+    let input = |scene: &Scene| {
+        let adjacency = Adjacency::new(&scene.mesh);
+        let eye = EyeView::render(&scene.mesh, &scene.camera, 32, 24);
+        ShadowInput::new(scene, &adjacency, &eye)
+    };
+    let mut large = scene.clone();
+    let factor = 1024.0;
+    large.mesh.positions.iter_mut().for_each(|p| *p *= factor);
+    large.camera.eye *= factor;
+    large.camera.target *= factor;
+    let center = scene.light.center() * factor;
+    large.light = Light::Sphere { center, radius: scene.light.disc_radius() * factor };
+    let (small, mut large) = (input(&scene), input(&large));
+    assert_eq!(large.scale_log2, small.scale_log2 + 10);
+    large.scale_log2 -= 10;
+    assert_eq!(large, small);
+    let largest =
+        small.vertices.iter().chain(&small.receivers).flatten().fold(0.0_f32, |a, b| a.max(b.abs()));
+    assert!((0.5..1.0).contains(&largest));
+}
+
+fn error_of(from: &str, to: &str) -> String {
+    let text = builtin_scene("tiny").expect("shipped");
+    assert!(text.contains(from), "{from}");
+    let error = parse_scene(&text.replace(from, to), "test", Path::new(".")).expect_err("bad value");
+    error.to_string()
+}
+
+#[test]
+fn unsound_values_are_named_with_their_path() {
+    for (from, to, expected) in [
+        ("\"radius\": 0.12", "\"radius\": -1", "`light.radius` is -1"),
+        ("\"fov_y_degrees\": 45", "\"fov_y_degrees\": 180", "`camera.fov_y_degrees` is 180"),
+        ("\"width\": 64", "\"width\": 0", "`image.width` is 0"),
+        ("\"width\": 64", "\"width\": 16385", "in 1..=16384"),
+        ("\"target\": [0.0, 0.5, -0.3]", "\"target\": [0.3, 1.9, 3.6]", "`camera.target`"),
+        ("\"up\": [0, 1, 0]", "\"up\": [0, 0, 0]", "`camera.up`"),
+        ("\"target\": [0.0, 0.5, -0.3]", "\"target\": [0.3, 0.5, 3.6]", "parallel to the view"),
+        ("\"eye\": [0.3", "\"eye\": [1e300", "`camera.eye`"),
+        ("\"procedural\": \"tiny\"", "\"procedural\": \"palace\"", "`mesh.procedural` is `palace`"),
+        ("\"radius\": 0.12", "\"radios\": 0.12", "radios"),
+        ("\"kind\": \"sphere\"", "\"kind\": \"moon\"", "moon"),
+    ] {
+        let message = error_of(from, to);
+        assert!(message.contains(expected), "{message}");
+    }
+}
+
+#[test]
+fn an_unknown_scene_names_those_that_are_shipped() {
+    let message = load_scene("palace", Path::new(".")).expect_err("there is none").to_string();
+    assert!(message.contains("saloon-small"), "{message}");
+}
+
+#[test]
+fn all_kinds_of_light_can_be_written() {
+    for text in [
+        r#"{"kind":"disc","center":[0,1,0],"normal":[0,-1,0],"radius":0.5}"#,
+        r#"{"kind":"rect","center":[0,1,0],"half_u":[1,0,0],"half_v":[0,0,1]}"#,
+        r#"{"kind":"linear","p0":[0,1,0],"p1":[1,1,0]}"#,
+        r#"{"kind":"point","center":[0,1,0]}"#,
+    ] {
+        let light: Light = serde_json::from_str(text).expect(text);
+        assert_eq!(serde_json::from_str::<Light>(&crate::light_json(&light)).expect(text), light);
+    }
+    assert_eq!(Light::Point { center: DVec3::X }.disc_radius(), 0.0);
+}

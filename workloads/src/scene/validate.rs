@@ -1,0 +1,117 @@
+//! What a scene file must keep.
+
+use glam::DVec3;
+
+use super::error::SceneError;
+use super::file::{MeshSource, SceneFile};
+use crate::camera::{Camera, ImageSize};
+use crate::light::Light;
+use crate::mesh::length;
+
+/// Largest side of a picture, in pixels.
+const SIDE_MAX: u32 = 16384;
+/// Sine of the least angle between view and up.
+const UP_SINE_MIN: f64 = 1e-6;
+
+/// Checks every value: what passes can be rendered.
+///
+/// # Errors
+/// [`SceneError::Value`] for the first value that is unsound.
+pub fn validate(file: &SceneFile) -> Result<(), SceneError> {
+    if let MeshSource::Procedural(p) = &file.mesh
+        && !(1..=16).contains(&p.detail)
+    {
+        return Err(value("mesh.detail", p.detail, "in 1..=16"));
+    }
+    camera(&file.camera)?;
+    image(file.image)?;
+    light(&file.light)
+}
+
+fn value(at: &str, found: impl ToString, expected: &str) -> SceneError {
+    SceneError::Value { at: at.to_owned(), found: found.to_string(), expected: expected.to_owned() }
+}
+
+fn camera(camera: &Camera) -> Result<(), SceneError> {
+    point("camera.eye", camera.eye)?;
+    point("camera.target", camera.target)?;
+    point("camera.up", camera.up)?;
+    if camera.eye == camera.target {
+        return Err(value("camera.target", "the same as `camera.eye`", "another point"));
+    }
+    if camera.up == DVec3::ZERO {
+        return Err(value("camera.up", "[0, 0, 0]", "a direction"));
+    }
+    let unit = |v: DVec3| v / length(v);
+    if length(unit(camera.target - camera.eye).cross(unit(camera.up))) < UP_SINE_MIN {
+        return Err(value("camera.up", "parallel to the view", "across it"));
+    }
+    let fov = camera.fov_y_degrees;
+    if !(fov > 0.0 && fov < 180.0) {
+        return Err(value("camera.fov_y_degrees", fov, "between 0 and 180, both excluded"));
+    }
+    Ok(())
+}
+
+fn image(image: ImageSize) -> Result<(), SceneError> {
+    for (at, side) in [("image.width", image.width), ("image.height", image.height)] {
+        if !(1..=SIDE_MAX).contains(&side) {
+            return Err(value(at, side, "in 1..=16384"));
+        }
+    }
+    Ok(())
+}
+
+fn light(light: &Light) -> Result<(), SceneError> {
+    match *light {
+        Light::Sphere { center, radius } => {
+            point("light.center", center)?;
+            size("light.radius", radius)
+        }
+        Light::Disc { center, normal, radius } => {
+            point("light.center", center)?;
+            direction("light.normal", normal)?;
+            size("light.radius", radius)
+        }
+        Light::Rect { center, half_u, half_v } => {
+            point("light.center", center)?;
+            direction("light.half_u", half_u)?;
+            direction("light.half_v", half_v)?;
+            if length((half_u / length(half_u)).cross(half_v / length(half_v))) < UP_SINE_MIN {
+                return Err(value("light.half_v", "parallel to `light.half_u`", "across it"));
+            }
+            Ok(())
+        }
+        Light::Linear { p0, p1 } => {
+            point("light.p0", p0)?;
+            point("light.p1", p1)?;
+            if p0 == p1 {
+                return Err(value(
+                    "light.p1",
+                    "the same as `light.p0`",
+                    "another point, or use kind `point`",
+                ));
+            }
+            Ok(())
+        }
+        Light::Point { center } => point("light.center", center),
+    }
+}
+
+/// Finite, in f32 too.
+fn point(at: &str, p: DVec3) -> Result<(), SceneError> {
+    if p.as_vec3().is_finite() { Ok(()) } else { Err(value(at, p, "three finite numbers below 3.4e38")) }
+}
+
+fn direction(at: &str, v: DVec3) -> Result<(), SceneError> {
+    point(at, v)?;
+    if v == DVec3::ZERO { Err(value(at, "[0, 0, 0]", "a direction")) } else { Ok(()) }
+}
+
+fn size(at: &str, radius: f64) -> Result<(), SceneError> {
+    if radius >= 0.0 && (radius as f32).is_finite() {
+        Ok(())
+    } else {
+        Err(value(at, radius, "0 or more, and finite"))
+    }
+}

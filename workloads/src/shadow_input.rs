@@ -1,0 +1,104 @@
+//! What kernels copy into simulated memory.
+
+use glam::DVec3;
+
+use crate::adjacency::{Adjacency, Counting, is_degenerate, light_inside};
+use crate::eye::EyeView;
+use crate::scene::Scene;
+
+/// Everything the kernels copy into simulated memory: plain data, light at the origin.
+///
+/// Coordinates are formed in f64 and become f32 last. They are world units over `2^scale_log2`, chosen so that the
+/// largest |coordinate| of vertices and receivers is in [0.5, 1): nothing depends on absolute scale.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ShadowInput {
+    /// Columns of the picture.
+    pub width: u32,
+    /// Rows of the picture.
+    pub height: u32,
+    /// A coordinate of 1 is `2^scale_log2` world units.
+    pub scale_log2: i32,
+    /// Radius of the light in scaled units; 0 for a point light.
+    pub light_radius: f32,
+    /// Unit normal of a light that does not turn; `None`: the disc faces each receiver.
+    pub light_normal: Option<[f32; 3]>,
+    /// Vertex positions, light-centred and scaled.
+    pub vertices: Vec<[f32; 3]>,
+    /// Corners of each triangle. Triangles that must not count (degenerate, or there twice) have one corner three
+    /// times, so that every determinant is exactly 0. Closed bodies around the light run inward.
+    pub triangles: Vec<[u32; 3]>,
+    /// Counting rule of each triangle.
+    pub counting: Vec<Counting>,
+    /// Vertex pairs, `v[0] < v[1]`.
+    pub edges: Vec<[u32; 2]>,
+    /// Faces of edge `e` are `edge_faces[edge_first[e]..edge_first[e + 1]]`.
+    pub edge_first: Vec<u32>,
+    /// `triangle << 1 | side`; side 0: the triangle runs `v[0] -> v[1]`.
+    pub edge_faces: Vec<u32>,
+    /// Receivers, light-centred and scaled.
+    pub receivers: Vec<[f32; 3]>,
+    /// Triangle each receiver lies on, which does not shadow it.
+    pub receiver_triangle: Vec<u32>,
+    /// Pixel of each receiver, `y * width + x`, ascending.
+    pub receiver_pixel: Vec<u32>,
+}
+
+impl ShadowInput {
+    /// Forms the input of one frame. `adjacency` must be that of `scene.mesh`, `eye` a view of it.
+    #[must_use]
+    pub fn new(scene: &Scene, adjacency: &Adjacency, eye: &EyeView) -> Self {
+        let mesh = &scene.mesh;
+        let origin = scene.light.center();
+        let largest = mesh
+            .positions
+            .iter()
+            .chain(&eye.points)
+            .map(|&p| (p - origin).abs().max_element())
+            .fold(0.0, f64::max);
+        let scale_log2 = exponent(largest);
+        let scaled = |p: DVec3| scale_by_power(p - origin, -scale_log2).as_vec3().to_array();
+
+        let inside = light_inside(mesh, adjacency, origin);
+        let triangles = (0..mesh.triangles.len())
+            .map(|t| {
+                let [a, b, c] = mesh.triangles[t];
+                if adjacency.stands_for[t] as usize != t || is_degenerate(mesh, t) {
+                    [a; 3]
+                } else if inside[t] {
+                    [a, c, b]
+                } else {
+                    [a, b, c]
+                }
+            })
+            .collect();
+        let turn = |&face: &u32| face ^ u32::from(inside[(face >> 1) as usize]);
+        let radius = scale_by_power(DVec3::splat(scene.light.disc_radius()), -scale_log2).x as f32;
+
+        Self {
+            width: eye.width,
+            height: eye.height,
+            scale_log2,
+            light_radius: radius,
+            light_normal: scene.light.disc_normal().map(|n| n.as_vec3().to_array()),
+            vertices: mesh.positions.iter().map(|&p| scaled(p)).collect(),
+            triangles,
+            counting: adjacency.counting.clone(),
+            edges: adjacency.edges.clone(),
+            edge_first: adjacency.edge_first.clone(),
+            edge_faces: adjacency.edge_faces.iter().map(turn).collect(),
+            receivers: eye.points.iter().map(|&p| scaled(p)).collect(),
+            receiver_triangle: eye.triangles.iter().map(|&t| adjacency.stands_for[t as usize]).collect(),
+            receiver_pixel: eye.pixels.clone(),
+        }
+    }
+}
+
+/// The k with `2^(k-1) <= x < 2^k`; 0 for 0.
+fn exponent(x: f64) -> i32 {
+    if x == 0.0 { 0 } else { libm::frexp(x).1 }
+}
+
+/// `p * 2^k`, exact unless it underflows.
+fn scale_by_power(p: DVec3, k: i32) -> DVec3 {
+    p.map(|x| libm::scalbn(x, k))
+}
