@@ -4,7 +4,7 @@
 //! allocate. The range is reserved once and committed by the operating system page by page as it is touched, so memory
 //! follows what the scene touches and no array ever moves.
 
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 
 /// Bytes in a line.
 pub const LINE_BYTES: u64 = 64;
@@ -61,14 +61,18 @@ pub struct Arena {
     base: *mut u8,
     reserved_bytes: u64,
     used_bytes: u64,
-    in_task: AtomicBool,
+    /// Host threads that run tasks now.
+    tasks_running: AtomicU32,
     host_reads_in_task: AtomicU64,
 }
 
 // SAFETY: the bytes are plain data behind a raw pointer that lives as long as the map. Concurrent access happens only
 // while the tasks of an `Independent` step run on several host threads; such a step declares that its tasks touch
 // disjoint bytes or only add, and adds are host atomics.
-#[expect(unsafe_code, reason = "simulated memory is shared by host threads under the contract of independent steps")]
+#[expect(
+    unsafe_code,
+    reason = "simulated memory is shared by host threads under the contract of independent steps"
+)]
 unsafe impl Sync for Arena {}
 // SAFETY: as above; nothing in it is tied to a thread.
 #[expect(unsafe_code, reason = "simulated memory may move between host threads")]
@@ -92,7 +96,9 @@ impl Arena {
                 Ok(map) => break map,
                 // A host with an address-space limit: take what it gives.
                 Err(_) if bytes > 256 << 20 => bytes /= 2,
-                Err(error) => panic!("the host refuses {bytes} bytes of address space for the arena: {error}"),
+                Err(error) => {
+                    panic!("the host refuses {bytes} bytes of address space for the arena: {error}")
+                }
             }
         };
         let base = map.as_mut_ptr();
@@ -101,30 +107,33 @@ impl Arena {
             base,
             reserved_bytes: bytes as u64,
             used_bytes: FIRST_FREE_BYTE,
-            in_task: AtomicBool::new(false),
+            tasks_running: AtomicU32::new(0),
             host_reads_in_task: AtomicU64::new(0),
         }
     }
 
-    /// Allocates `bytes` zeroed bytes on a line boundary.
+    /// Allocates `bytes` bytes on a line boundary, at least one line. They are zero unless they were released before, see
+    /// [`Arena::release_to`].
     ///
     /// # Panics
     /// When the reserved address space is used up.
     pub fn alloc_bytes(&mut self, bytes: u64) -> Addr {
         let start = self.used_bytes;
-        let end = start + bytes.next_multiple_of(LINE_BYTES).max(LINE_BYTES);
         assert!(
-            end <= self.reserved_bytes,
-            "the arena is full: {end} bytes asked for, {} reserved",
+            bytes <= self.reserved_bytes - start,
+            "the arena is full: {start} bytes are used and {bytes} asked for, {} reserved",
             self.reserved_bytes
         );
+        // The reserve is whole lines, so rounding up cannot pass its end unless it is full to the last line.
+        let end = start + bytes.next_multiple_of(LINE_BYTES).max(LINE_BYTES);
+        assert!(end <= self.reserved_bytes, "the arena is full: {} bytes reserved", self.reserved_bytes);
         self.used_bytes = end;
         Addr(start)
     }
 
-    /// Allocates `count` zeroed 4-byte words on a line boundary, rounded up to whole lines.
+    /// Allocates `count` 4-byte words on a line boundary, rounded up to whole lines; see [`Arena::alloc_bytes`].
     pub fn alloc(&mut self, count: u64) -> Addr {
-        self.alloc_bytes(count * 4)
+        self.alloc_bytes(count.saturating_mul(4))
     }
 
     /// Allocates and fills an array of 4-byte integers.
@@ -144,13 +153,21 @@ impl Arena {
     }
 
     /// Bytes given out so far.
+    #[inline(always)]
     pub fn used_bytes(&self) -> u64 {
         self.used_bytes
     }
 
     /// Gives back everything allocated after `mark`, a value of [`Arena::used_bytes`]. The bytes keep their values.
+    ///
+    /// # Panics
+    /// When `mark` is no such value.
     pub fn release_to(&mut self, mark: u64) {
         assert!(mark <= self.used_bytes, "release_to({mark}) beyond the {} bytes used", self.used_bytes);
+        assert!(
+            mark >= FIRST_FREE_BYTE && mark.is_multiple_of(LINE_BYTES),
+            "release_to({mark}) is not where an allocation began"
+        );
         self.used_bytes = mark;
     }
 
@@ -188,19 +205,22 @@ impl Arena {
     }
 
     /// How often the host read the arena past the Vpu while a task ran. Anything but 0 is work that nobody timed.
+    ///
+    /// Counted only in builds with debug assertions; 0 in others.
     pub fn host_reads_in_task(&self) -> u64 {
         self.host_reads_in_task.load(Ordering::Relaxed)
     }
 
-    /// Marks the begin or end of a task for [`Arena::host_reads_in_task`].
-    pub(crate) fn set_in_task(&self, running: bool) {
+    /// A task runs from now on until the guard is dropped, for [`Arena::host_reads_in_task`].
+    pub(crate) fn task_begins(&self) -> TaskGuard<'_> {
         if cfg!(debug_assertions) {
-            self.in_task.store(running, Ordering::Relaxed);
+            self.tasks_running.fetch_add(1, Ordering::Relaxed);
         }
+        TaskGuard { arena: self }
     }
 
     fn note_host_read(&self) {
-        if cfg!(debug_assertions) && self.in_task.load(Ordering::Relaxed) {
+        if cfg!(debug_assertions) && self.tasks_running.load(Ordering::Relaxed) > 0 {
             self.host_reads_in_task.fetch_add(1, Ordering::Relaxed);
         }
     }
@@ -217,10 +237,10 @@ impl Arena {
         self.base.wrapping_add(addr as usize)
     }
 
-    /// Bytes that a vector access may touch from `addr` on; see [`Arena::pointer`].
+    /// Host pointer to byte 0, for accesses whose active lanes were checked against [`Arena::used_bytes`].
     #[inline(always)]
-    pub(crate) fn used(&self) -> u64 {
-        self.used_bytes
+    pub(crate) fn base(&self) -> *mut u8 {
+        self.base
     }
 
     #[cold]
@@ -253,6 +273,20 @@ impl Arena {
         let word = self.pointer(addr.0, 4).cast::<i32>();
         // SAFETY: in range (checked), aligned (checked; the map is page-aligned), alive as long as `self`.
         unsafe { std::sync::atomic::AtomicI32::from_ptr(word) }
+    }
+}
+
+/// A task that runs; see [`Arena::task_begins`].
+#[derive(Debug)]
+pub(crate) struct TaskGuard<'a> {
+    arena: &'a Arena,
+}
+
+impl Drop for TaskGuard<'_> {
+    fn drop(&mut self) {
+        if cfg!(debug_assertions) {
+            self.arena.tasks_running.fetch_sub(1, Ordering::Relaxed);
+        }
     }
 }
 

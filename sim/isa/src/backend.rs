@@ -49,10 +49,16 @@ impl<'a, L: Lanes, E: Emit> Backend<'a, L, E> {
         Backend { arena, emit, shared, transfer_slot: 0, lanes: PhantomData }
     }
 
+    /// What took note.
+    #[inline(always)]
+    pub(crate) fn into_emit(self) -> E {
+        self.emit
+    }
+
     /// `base + 4 * index` of a scalar index.
     #[inline(always)]
     fn address(base: Addr, index: i32) -> u64 {
-        base.0 + 4 * u64::from(index as u32)
+        base.0.wrapping_add(4 * u64::from(index as u32))
     }
 
     /// Notes the lines of `bytes` consecutive bytes.
@@ -77,22 +83,27 @@ impl<'a, L: Lanes, E: Emit> Backend<'a, L, E> {
         if !E::LINES {
             return 0;
         }
-        let lines = L::srl(
-            L::iadd(index, L::splat_i((base.0 / 4) as u32 as i32)),
+        let lines = Self::line_numbers(base, index);
+        self.emit.distinct_lines::<L>(k, lines)
+    }
+
+    /// The line of every lane of an indexed access; lanes out of range get some number.
+    #[inline(always)]
+    fn line_numbers(base: Addr, index: L::I) -> L::I {
+        // Index and line are added after the shift, where both fit: the arena may hold more than 2^32 words.
+        let words_into_line = (base.0 / 4 % (LINE_BYTES / 4)) as i32;
+        let from_base = L::srl(
+            L::iadd(index, L::splat_i(words_into_line)),
             L::splat_i((LINE_BYTES / 4).trailing_zeros() as i32),
         );
-        // Past 16 GiB the word number no longer fits 32 bits: add the line's high part after the shift.
-        let high = (base.0 / 4 >> 32 << 28) as u32;
-        let numbers = L::to_i(lines);
-        let mut live = k;
-        let mut count = 0;
-        while live != 0 {
-            let line = numbers[(live.trailing_zeros() & 15) as usize];
-            self.emit.line((line as u32).wrapping_add(high));
-            live &= !L::ieq(lines, L::splat_i(line));
-            count += 1;
-        }
-        count
+        L::iadd(from_base, L::splat_i(base.line().0 as i32))
+    }
+
+    /// The lanes of an indexed access that lie inside the arena.
+    #[inline(always)]
+    fn inside(&self, base: Addr, index: L::I) -> u16 {
+        let room = self.arena.used_bytes().saturating_sub(base.0) / 4;
+        L::ult(index, L::splat_i(room.min(i32::MAX as u64) as i32))
     }
 
     /// Host pointer to lane 0 of `k`'s lanes at `addr`; only the active lanes lie inside the arena for sure.
@@ -120,46 +131,51 @@ impl<'a, L: Lanes, E: Emit> Backend<'a, L, E> {
     /// Host pointer for the active lanes of an indexed access, each of which must lie inside the arena.
     #[inline(always)]
     fn indexed_pointer(&self, k: u16, base: Addr, index: L::I) -> *mut i32 {
-        let room = self.arena.used().saturating_sub(base.0) / 4;
-        let limit = room.min(i32::MAX as u64) as i32;
-        let inside = L::ult(index, L::splat_i(limit));
-        if k & !inside != 0 {
-            let lane = (k & !inside).trailing_zeros() as usize;
-            self.arena.out_of_range(Self::address(base, L::to_i(index)[lane]), 4);
+        let outside = k & !self.inside(base, index);
+        if outside != 0 {
+            self.arena.out_of_range(Self::address(base, Self::lane(index, outside.trailing_zeros())), 4);
         }
-        self.arena.pointer(base.0, 0).cast()
+        self.arena.base().wrapping_add(base.0 as usize).cast()
     }
 
-    /// The lanes among `k` whose address no earlier lane among `k` has: one round of an atomic.
+    /// Lane `lane` of `a`.
     #[inline(always)]
-    fn round(k: u16, index: L::I) -> u16 {
-        let numbers = L::to_i(index);
-        let mut live = k;
-        let mut winners = 0;
-        while live != 0 {
-            let lane = live.trailing_zeros() & 15;
-            winners |= 1 << lane;
-            live &= !L::ieq(index, L::splat_i(numbers[lane as usize]));
-        }
-        winners
+    fn lane(a: L::I, lane: u32) -> i32 {
+        L::to_i(a)[lane as usize % LANES]
     }
 
-    /// Emits the rounds of a vector atomic; returns the id of the last gather.
+    /// Emits the rounds of a vector atomic; returns the id of the last gather, `or`'s when no lane is active.
+    ///
+    /// `operands`: what the atomic adds, or what it expects and writes.
     #[inline(always)]
-    fn emit_rounds(&mut self, k: u16, base: Addr, index: L::I, producers: [E::Id; 3]) -> E::Id {
-        let mut live = k;
-        let mut last = E::NONE;
-        let mut mask = producers[0];
+    fn emit_rounds<const N: usize>(
+        &mut self,
+        or: Value<L::I, E::Id>,
+        k: Value<u16, E::Id>,
+        base: Addr,
+        index: Value<L::I, E::Id>,
+        operands: [E::Id; N],
+    ) -> E::Id {
+        let mut live = k.v;
+        let mut last = or.id;
+        let mut mask = k.id;
         while live != 0 {
-            let winners = Self::round(live, index);
-            let lines = self.lines_indexed(winners, base, index);
+            let winners = L::distinct(live, index.v);
+            let lines = self.lines_indexed(winners, base, index.v);
             self.emit.under_mask(winners);
-            let old = self.emit.memory(Class::AtomicGather, [mask, producers[1]], lines);
+            self.emit.reads([last, index.id]);
+            let old = self.emit.memory(Class::AtomicGather, [mask, index.id, last], lines);
             self.emit.under_mask(winners);
-            let sum = self.emit.alu(Class::VectorAlu, [mask, producers[2], old]);
-            let lines = self.lines_indexed(winners, base, index);
+            self.emit.reads(operands);
+            self.emit.reads([old]);
+            let mut producers = [old; 4];
+            producers[0] = mask;
+            producers[2..2 + N].copy_from_slice(&operands);
+            let new = self.emit.alu(Class::VectorAlu, producers);
+            let lines = self.lines_indexed(winners, base, index.v);
             self.emit.under_mask(winners);
-            let done = self.emit.memory(Class::AtomicScatter, [mask, sum], lines);
+            self.emit.reads([index.id, new]);
+            let done = self.emit.memory(Class::AtomicScatter, [mask, index.id, new], lines);
             mask = self.emit.alu(Class::Mask, [mask, done]);
             let test = self.emit.alu(Class::Mask, [mask]);
             self.emit.alu(Class::Branch, [test]);
@@ -213,18 +229,13 @@ impl<'a, L: Lanes, E: Emit> Backend<'a, L, E> {
         let v = unsafe { L::load_masked(or.v, k.v, from) };
         let lines = self.lines_masked(k.v, addr);
         self.emit.under_mask(k.v);
+        self.emit.reads([or.id]);
         Value { v, id: self.emit.memory(Class::VectorLoad, [or.id, k.id, index.id], lines) }
     }
 
     #[inline(always)]
     #[expect(unsafe_code, reason = "the range is checked just before")]
-    fn store(
-        &mut self,
-        k: Value<u16, E::Id>,
-        base: Addr,
-        index: Value<i32, E::Id>,
-        a: Value<L::I, E::Id>,
-    ) {
+    fn store(&mut self, k: Value<u16, E::Id>, base: Addr, index: Value<i32, E::Id>, a: Value<L::I, E::Id>) {
         let addr = Self::address(base, index.v);
         if k.v == u16::MAX {
             let to = self.arena.pointer(addr, 64);
@@ -237,6 +248,7 @@ impl<'a, L: Lanes, E: Emit> Backend<'a, L, E> {
         }
         let lines = self.lines_masked(k.v, addr);
         self.emit.under_mask(k.v);
+        self.emit.reads([a.id]);
         self.emit.memory(Class::VectorStore, [k.id, index.id, a.id], lines);
     }
 
@@ -254,6 +266,7 @@ impl<'a, L: Lanes, E: Emit> Backend<'a, L, E> {
         let v = unsafe { L::gather(or.v, k.v, from, index.v) };
         let lines = self.lines_indexed(k.v, base, index.v);
         self.emit.under_mask(k.v);
+        self.emit.reads([or.id, index.id]);
         Value { v, id: self.emit.memory(Class::Gather, [or.id, k.id, index.id], lines) }
     }
 
@@ -271,6 +284,7 @@ impl<'a, L: Lanes, E: Emit> Backend<'a, L, E> {
         unsafe { L::scatter(k.v, to, index.v, a.v) };
         let lines = self.lines_indexed(k.v, base, index.v);
         self.emit.under_mask(k.v);
+        self.emit.reads([index.id, a.id]);
         self.emit.memory(Class::Scatter, [k.id, index.id, a.id], lines);
     }
 
@@ -285,12 +299,14 @@ impl<'a, L: Lanes, E: Emit> Backend<'a, L, E> {
     #[inline(always)]
     fn shuffle(&mut self, a: Value<L::F, E::Id>, index: [i32; LANES]) -> Value<L::F, E::Id> {
         let v = L::from_bits(L::permute(L::bits(a.v), L::from_i(index)));
+        self.emit.reads([a.id]);
         Value { v, id: self.emit.alu(Class::VectorShuffle, [a.id]) }
     }
 
     #[inline(always)]
     fn prefetch(&mut self, class: Class, base: Addr, index: Value<i32, E::Id>) {
-        let lines = self.lines_of(Self::address(base, index.v), 4);
+        let addr = Self::address(base, index.v);
+        let lines = if addr < self.arena.used_bytes() { self.lines_of(addr, 4) } else { 0 };
         self.emit.memory(class, [index.id], lines);
     }
 
@@ -342,6 +358,7 @@ macro_rules! implement_vpu {
             $(
                 #[inline(always)]
                 fn $ft(&mut self, $fta: Self::F32, $ftb: Self::F32, $ftc2: Self::F32) -> Self::F32 {
+                    self.emit.reads([$fta.id, $ftb.id, $ftc2.id]);
                     let id = self.emit.alu(Class::$ftc, [$fta.id, $ftb.id, $ftc2.id]);
                     let ($fta, $ftb, $ftc2) = ($fta.v, $ftb.v, $ftc2.v);
                     Value { v: $fte, id }
@@ -351,6 +368,7 @@ macro_rules! implement_vpu {
                     &mut self, or: Self::F32, k: Self::Mask, $fta: Self::F32, $ftb: Self::F32, $ftc2: Self::F32,
                 ) -> Self::F32 {
                     self.emit.under_mask(k.v);
+                    self.emit.reads([or.id, $fta.id, $ftb.id, $ftc2.id]);
                     let id = self.emit.alu(Class::$ftc, [or.id, k.id, $fta.id, $ftb.id, $ftc2.id]);
                     let ($fta, $ftb, $ftc2) = ($fta.v, $ftb.v, $ftc2.v);
                     Value { v: L::blend_f(k.v, $fte, or.v), id }
@@ -379,16 +397,19 @@ macro_rules! implement_vpu {
             }
             #[inline(always)]
             fn vblend_f32(&mut self, k: Self::Mask, on: Self::F32, off: Self::F32) -> Self::F32 {
+                self.emit.reads([on.id, off.id]);
                 let id = self.emit.alu(Class::VectorAlu, [k.id, on.id, off.id]);
                 Value { v: L::blend_f(k.v, on.v, off.v), id }
             }
             #[inline(always)]
             fn vblend_i32(&mut self, k: Self::Mask, on: Self::I32, off: Self::I32) -> Self::I32 {
+                self.emit.reads([on.id, off.id]);
                 let id = self.emit.alu(Class::VectorAlu, [k.id, on.id, off.id]);
                 Value { v: L::blend_i(k.v, on.v, off.v), id }
             }
             #[inline(always)]
             fn vpermute_f32(&mut self, a: Self::F32, index: Self::I32) -> Self::F32 {
+                self.emit.reads([a.id, index.id]);
                 let id = self.emit.alu(Class::VectorShuffle, [a.id, index.id]);
                 Value { v: L::from_bits(L::permute(L::bits(a.v), index.v)), id }
             }
@@ -413,10 +434,11 @@ macro_rules! implement_vpu {
                 let line = self.next_transfer_line();
                 let lines = if E::LINES { 1 } else { 0 };
                 self.emit.line(line);
+                self.emit.reads([a.id]);
                 let stored = self.emit.memory(Class::VectorStore, [a.id], lines);
                 self.emit.line(line);
                 let id = self.emit.memory(Class::ScalarLoad, [stored], lines);
-                Value { v: L::to_i(a.v)[lane as usize % LANES], id }
+                Value { v: Self::lane(a.v, lane), id }
             }
             #[inline(always)]
             fn vsplat(&mut self, a: Self::S32) -> Self::I32 {
@@ -494,6 +516,7 @@ macro_rules! implement_vpu {
                 // SAFETY: `pointer` checked 64 bytes.
                 unsafe { L::store(to.cast(), a.v) };
                 let lines = self.lines_of(addr, 64);
+                self.emit.reads([a.id]);
                 self.emit.memory(Class::VectorStreamStore, [index.id, a.id], lines);
             }
             #[inline(always)]
@@ -501,11 +524,12 @@ macro_rules! implement_vpu {
             fn vexpand_i32_or(&mut self, or: Self::I32, k: Self::Mask, base: Addr, index: Self::S32) -> Self::I32 {
                 let addr = Self::address(base, index.v);
                 let bytes = 4 * u64::from(k.v.count_ones());
-                let from = self.arena.pointer(addr, bytes);
+                let from = if k.v == 0 { core::ptr::null_mut() } else { self.arena.pointer(addr, bytes) };
                 // SAFETY: `pointer` checked as many words as there are active lanes.
                 let v = unsafe { L::expand(or.v, k.v, from.cast()) };
                 let lines = self.lines_of(addr, bytes);
                 self.emit.under_mask(k.v);
+                self.emit.reads([or.id]);
                 Value { v, id: self.emit.memory(Class::VectorExpand, [or.id, k.id, index.id], lines) }
             }
             #[inline(always)]
@@ -513,11 +537,12 @@ macro_rules! implement_vpu {
             fn vcompress_i32(&mut self, k: Self::Mask, base: Addr, index: Self::S32, a: Self::I32) {
                 let addr = Self::address(base, index.v);
                 let bytes = 4 * u64::from(k.v.count_ones());
-                let to = self.arena.pointer(addr, bytes);
+                let to = if k.v == 0 { core::ptr::null_mut() } else { self.arena.pointer(addr, bytes) };
                 // SAFETY: `pointer` checked as many words as there are active lanes.
                 unsafe { L::compress(k.v, to.cast(), a.v) };
                 let lines = self.lines_of(addr, bytes);
                 self.emit.under_mask(k.v);
+                self.emit.reads([a.id]);
                 self.emit.memory(Class::VectorCompress, [k.id, index.id, a.id], lines);
             }
             #[inline(always)]
@@ -547,8 +572,9 @@ macro_rules! implement_vpu {
             }
             #[inline(always)]
             fn vgather_prefetch(&mut self, k: Self::Mask, base: Addr, index: Self::I32) {
-                let lines = self.lines_indexed(k.v, base, index.v);
+                let lines = self.lines_indexed(k.v & self.inside(base, index.v), base, index.v);
                 self.emit.under_mask(k.v);
+                self.emit.reads([index.id]);
                 self.emit.memory(Class::GatherPrefetch, [k.id, index.id], lines);
             }
 
@@ -570,7 +596,7 @@ macro_rules! implement_vpu {
                         };
                     }
                 }
-                let id = self.emit_rounds(k.v, base, index.v, [k.id, index.id, a.id]);
+                let id = self.emit_rounds(or, k, base, index, [a.id]);
                 Value { v: L::from_i(out), id }
             }
             #[inline(always)]
@@ -587,7 +613,7 @@ macro_rules! implement_vpu {
                             word.compare_exchange(want[lane], new[lane], Relaxed, Relaxed).unwrap_or_else(|old| old);
                     }
                 }
-                let id = self.emit_rounds(k.v, base, index.v, [k.id, index.id, a.id]);
+                let id = self.emit_rounds(or, k, base, index, [expected.id, a.id]);
                 Value { v: L::from_i(out), id }
             }
             #[inline(always)]
@@ -658,6 +684,7 @@ macro_rules! implement_vpu {
     (@binary $T:ident, $blend:ident, $($name:ident, $name_or:ident, $class:ident, [$a:ident $b:ident], $e:expr;)+) => { $(
         #[inline(always)]
         fn $name(&mut self, $a: Self::$T, $b: Self::$T) -> Self::$T {
+            self.emit.reads([$a.id, $b.id]);
             let id = self.emit.alu(Class::$class, [$a.id, $b.id]);
             let ($a, $b) = ($a.v, $b.v);
             Value { v: $e, id }
@@ -665,6 +692,7 @@ macro_rules! implement_vpu {
         #[inline(always)]
         fn $name_or(&mut self, or: Self::$T, k: Self::Mask, $a: Self::$T, $b: Self::$T) -> Self::$T {
             self.emit.under_mask(k.v);
+            self.emit.reads([or.id, $a.id, $b.id]);
             let id = self.emit.alu(Class::$class, [or.id, k.id, $a.id, $b.id]);
             let ($a, $b) = ($a.v, $b.v);
             Value { v: L::$blend(k.v, $e, or.v), id }
@@ -673,6 +701,7 @@ macro_rules! implement_vpu {
     (@unary $A:ident, $R:ident, $blend:ident, $($name:ident, $name_or:ident, $class:ident, [$a:ident], $e:expr;)+) => { $(
         #[inline(always)]
         fn $name(&mut self, $a: Self::$A) -> Self::$R {
+            self.emit.reads([$a.id]);
             let id = self.emit.alu(Class::$class, [$a.id]);
             let $a = $a.v;
             Value { v: $e, id }
@@ -680,6 +709,7 @@ macro_rules! implement_vpu {
         #[inline(always)]
         fn $name_or(&mut self, or: Self::$R, k: Self::Mask, $a: Self::$A) -> Self::$R {
             self.emit.under_mask(k.v);
+            self.emit.reads([or.id, $a.id]);
             let id = self.emit.alu(Class::$class, [or.id, k.id, $a.id]);
             let $a = $a.v;
             Value { v: L::$blend(k.v, $e, or.v), id }
@@ -688,6 +718,7 @@ macro_rules! implement_vpu {
     (@compare $T:ident, $($name:ident, $name_masked:ident, $class:ident, [$a:ident $b:ident], $e:expr;)+) => { $(
         #[inline(always)]
         fn $name(&mut self, $a: Self::$T, $b: Self::$T) -> Self::Mask {
+            self.emit.reads([$a.id, $b.id]);
             let id = self.emit.alu(Class::$class, [$a.id, $b.id]);
             let ($a, $b) = ($a.v, $b.v);
             Value { v: $e, id }
@@ -695,6 +726,7 @@ macro_rules! implement_vpu {
         #[inline(always)]
         fn $name_masked(&mut self, k: Self::Mask, $a: Self::$T, $b: Self::$T) -> Self::Mask {
             self.emit.under_mask(k.v);
+            self.emit.reads([$a.id, $b.id]);
             let id = self.emit.alu(Class::$class, [k.id, $a.id, $b.id]);
             let ($a, $b) = ($a.v, $b.v);
             Value { v: k.v & $e, id }

@@ -7,10 +7,9 @@ use core::ops::Range;
 
 use crate::arena::Arena;
 use crate::backend::Backend;
-use crate::emit::{Count, OpCounts, Record};
+use crate::emit::{Buffers, Count, OpCounts, Record};
 use crate::host::HostSimd;
 use crate::lanes::{Lanes, Portable};
-use crate::spill;
 use crate::stream::Stream;
 use crate::vpu::Vpu;
 
@@ -46,11 +45,14 @@ fn run_tasks<K: Kernel, L: Lanes>(
     shared: bool,
     counts: &mut OpCounts,
 ) {
+    // Counted here, where no store to the arena can reach: host registers, added to once a straight run of the kernel.
+    let mut own = OpCounts::default();
     for task in tasks {
-        let mut v = Backend::<L, Count<'_>>::new(arena, Count(counts), shared);
+        let mut v = Backend::<L, Count<'_>>::new(arena, Count(&mut own), shared);
         let task = v.s_imm(task as i32);
         kernel.run(&mut v, task);
     }
+    counts.add(&own);
 }
 
 /// Records one task on one back end; inlines into its shell.
@@ -60,11 +62,14 @@ fn record_task<K: Kernel, L: Lanes>(
     arena: &Arena,
     task: u32,
     shared: bool,
-    record: Record<'_>,
+    buffers: &mut Buffers,
+    stream: &mut Stream,
 ) {
-    let mut v = Backend::<L, Record<'_>>::new(arena, record, shared);
+    let mut v = Backend::<L, Record<'_>>::new(arena, Record::new(buffers), shared);
     let task = v.s_imm(task as i32);
     kernel.run(&mut v, task);
+    let recorded = v.into_emit().recorded();
+    buffers.finish(recorded, stream);
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -76,29 +81,55 @@ mod shells {
     /// # Safety
     /// The host must have [`HostSimd::Avx512`].
     #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512dq,avx512cd,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-    pub unsafe fn run_avx512<K: Kernel>(k: &K, arena: &Arena, tasks: Range<u32>, shared: bool, out: &mut OpCounts) {
+    pub unsafe fn run_avx512<K: Kernel>(
+        k: &K,
+        arena: &Arena,
+        tasks: Range<u32>,
+        shared: bool,
+        out: &mut OpCounts,
+    ) {
         run_tasks::<K, Avx512>(k, arena, tasks, shared, out);
     }
 
     /// # Safety
     /// The host must have [`HostSimd::Avx2`].
     #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-    pub unsafe fn run_avx2<K: Kernel>(k: &K, arena: &Arena, tasks: Range<u32>, shared: bool, out: &mut OpCounts) {
+    pub unsafe fn run_avx2<K: Kernel>(
+        k: &K,
+        arena: &Arena,
+        tasks: Range<u32>,
+        shared: bool,
+        out: &mut OpCounts,
+    ) {
         run_tasks::<K, Avx2>(k, arena, tasks, shared, out);
     }
 
     /// # Safety
     /// The host must have [`HostSimd::Avx512`].
     #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512dq,avx512cd,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-    pub unsafe fn record_avx512<K: Kernel>(k: &K, arena: &Arena, task: u32, shared: bool, out: Record<'_>) {
-        record_task::<K, Avx512>(k, arena, task, shared, out);
+    pub unsafe fn record_avx512<K: Kernel>(
+        k: &K,
+        arena: &Arena,
+        task: u32,
+        shared: bool,
+        buffers: &mut Buffers,
+        out: &mut Stream,
+    ) {
+        record_task::<K, Avx512>(k, arena, task, shared, buffers, out);
     }
 
     /// # Safety
     /// The host must have [`HostSimd::Avx2`].
     #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-    pub unsafe fn record_avx2<K: Kernel>(k: &K, arena: &Arena, task: u32, shared: bool, out: Record<'_>) {
-        record_task::<K, Avx2>(k, arena, task, shared, out);
+    pub unsafe fn record_avx2<K: Kernel>(
+        k: &K,
+        arena: &Arena,
+        task: u32,
+        shared: bool,
+        buffers: &mut Buffers,
+        out: &mut Stream,
+    ) {
+        record_task::<K, Avx2>(k, arena, task, shared, buffers, out);
     }
 }
 
@@ -106,7 +137,7 @@ impl<K: Kernel> AnyKernel for K {
     #[expect(unsafe_code, reason = "calls into functions with target features")]
     fn run(&self, simd: HostSimd, arena: &Arena, tasks: Range<u32>, shared: bool, counts: &mut OpCounts) {
         assert!(simd.is_available(), "this host has no {simd}");
-        arena.set_in_task(true);
+        let _running = arena.task_begins();
         match simd {
             // SAFETY: the host has it, asserted above.
             #[cfg(target_arch = "x86_64")]
@@ -116,25 +147,20 @@ impl<K: Kernel> AnyKernel for K {
             HostSimd::Avx2 => unsafe { shells::run_avx2(self, arena, tasks, shared, counts) },
             _ => run_tasks::<K, Portable>(self, arena, tasks, shared, counts),
         }
-        arena.set_in_task(false);
     }
 
     #[expect(unsafe_code, reason = "calls into functions with target features")]
     fn record_shared(&self, simd: HostSimd, arena: &Arena, task: u32, shared: bool, stream: &mut Stream) {
         assert!(simd.is_available(), "this host has no {simd}");
-        arena.set_in_task(true);
-        let mut far = Vec::new();
-        let record = Record::new(stream, &mut far);
-        match simd {
+        let _running = arena.task_begins();
+        Buffers::with(|buffers| match simd {
             // SAFETY: the host has it, asserted above.
             #[cfg(target_arch = "x86_64")]
-            HostSimd::Avx512 => unsafe { shells::record_avx512(self, arena, task, shared, record) },
+            HostSimd::Avx512 => unsafe { shells::record_avx512(self, arena, task, shared, buffers, stream) },
             // SAFETY: as above.
             #[cfg(target_arch = "x86_64")]
-            HostSimd::Avx2 => unsafe { shells::record_avx2(self, arena, task, shared, record) },
-            _ => record_task::<K, Portable>(self, arena, task, shared, record),
-        }
-        arena.set_in_task(false);
-        spill::charge(stream, &far);
+            HostSimd::Avx2 => unsafe { shells::record_avx2(self, arena, task, shared, buffers, stream) },
+            _ => record_task::<K, Portable>(self, arena, task, shared, buffers, stream),
+        });
     }
 }

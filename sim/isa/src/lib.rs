@@ -13,19 +13,22 @@
 //! Function and timing are apart: a back end computes, and only a recording one leaves a [`Stream`] for a machine to
 //! time.
 
-pub mod vpu;
-pub mod math;
-pub mod kernel;
-pub mod program;
 pub mod arena;
-pub mod uop;
-pub mod stream;
 pub mod backend;
 pub mod emit;
-pub mod lanes;
+pub mod examples;
 pub mod host;
+pub mod kernel;
+pub mod lanes;
+pub mod math;
+pub mod program;
 pub mod scan;
 mod spill;
+pub mod stream;
+#[cfg(test)]
+mod tests;
+pub mod uop;
+pub mod vpu;
 
 pub use arena::{Addr, Arena, Line};
 pub use emit::OpCounts;

@@ -7,7 +7,8 @@ use crate::vpu::Vpu;
 
 /// `a / b`: reciprocal, one refinement of the quotient.
 ///
-/// Within 1 ulp for normal `a`, `b` and quotient; a NaN for `b` = 0. Five operations.
+/// Within 1 ulp for `|a|` of at least 2^-102, normal `b` and a normal quotient; a zero of either sign for `a` = 0; a NaN
+/// for `b` = 0, denormal or infinite. Four operations.
 #[inline(always)]
 pub fn div<V: Vpu>(v: &mut V, a: V::F32, b: V::F32) -> V::F32 {
     let reciprocal = v.vrcp(b);
@@ -18,7 +19,7 @@ pub fn div<V: Vpu>(v: &mut V, a: V::F32, b: V::F32) -> V::F32 {
 
 /// Square root: reciprocal square root, one refinement.
 ///
-/// Within 1 ulp for normal `a`; 0 for 0; a NaN below 0 and for infinity.
+/// Within 1 ulp for `a` of at least 2^-102; 0 for 0; a NaN below 0 and for infinity.
 #[inline(always)]
 pub fn sqrt<V: Vpu>(v: &mut V, a: V::F32) -> V::F32 {
     let zero = v.vset_f32(0.0);
@@ -34,7 +35,9 @@ pub fn sqrt<V: Vpu>(v: &mut V, a: V::F32) -> V::F32 {
 
 /// Angle of the point (x, y) from the x axis in [-pi, pi]; 0 for the origin.
 ///
-/// Absolute error at most 3e-7 and relative error at most 4e-7. One division, a polynomial of degree 9 in the tangent
+/// Absolute error at most 3e-7, and relative error at most 4e-7 of an angle that is normal, where the greater of |x| and
+/// |y| lies in [2^-100, 2^126]; a NaN where it is denormal, infinite or beyond f32::MAX / 2. Zeros have no sign: (-1, -0)
+/// is at +pi. One division, a polynomial of degree 9 in the tangent
 /// reduced to [-tan(pi/8), tan(pi/8)] (coefficients of Cephes `atanf`), and three foldings.
 #[inline(always)]
 pub fn atan2<V: Vpu>(v: &mut V, y: V::F32, x: V::F32) -> V::F32 {
@@ -55,7 +58,7 @@ pub fn atan2<V: Vpu>(v: &mut V, y: V::F32, x: V::F32) -> V::F32 {
     let c0 = v.vset_f32(8.053_744_5e-2);
     let c1 = v.vset_f32(-1.387_768_6e-1);
     let c2 = v.vset_f32(1.997_771_1e-1);
-    let c3 = v.vset_f32(-3.333_294_9e-1);
+    let c3 = v.vset_f32(-3.333_295e-1);
     let p = v.vmadd(c0, z, c1);
     let p = v.vmadd(p, z, c2);
     let p = v.vmadd(p, z, c3);

@@ -2,61 +2,68 @@
 
 use crate::arena::STACK_BASE_LINE;
 use crate::backend::{SPILL_SLOT, SPILL_SLOTS};
-use crate::emit::{FarUse, lane_slots};
+use crate::lanes::LANES;
 use crate::stream::Stream;
 use crate::uop::{Class, Uop};
 
 /// Vector registers of a hardware thread [machine.md 1.2: abrash09].
 pub const VECTOR_REGISTERS: u32 = 32;
 
-/// Counts the vector values live at once and appends a store and a reload for every value made while all registers are
-/// taken: one of the live values must then go to the stack and come back.
+/// How many vector registers a task needs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Pressure {
+    /// Most values live at once.
+    pub live_max: u32,
+    /// Values made while all registers are taken.
+    pub spills: u32,
+}
+
+/// Counts the vector values live at once.
 ///
-/// A value is live from the uop that makes it to its last use. The charge stands at the end of the task, where it costs
-/// issue slots and L1 accesses but delays no one else's operands: a lower bound of what a compiler would do.
-pub(crate) fn charge(stream: &mut Stream, far: &[FarUse]) {
-    let defines: [bool; Class::COUNT] = core::array::from_fn(|i| Class::ALL[i].defines_vector());
-    let memory: [bool; Class::COUNT] = core::array::from_fn(|i| Class::ALL[i].is_memory());
-    let mut far = far.to_vec();
-    far.sort_unstable_by_key(|far| far.user);
-
-    let uops = &stream.uops;
-    let mut live = vec![false; uops.len()];
-    let (mut live_count, mut live_max, mut spills) = (0u32, 0u32, 0u32);
-    // Backwards: the first use met is the last use, the definition ends the range.
-    for i in (0..uops.len()).rev() {
-        let uop = uops[i];
-        let class = (uop & 0xff) as usize;
-        if live[i] {
-            if live_count > VECTOR_REGISTERS {
-                spills += 1;
-            }
-            live_count -= 1;
+/// `last_reader[id]` is the id of the last uop that reads the vector made by uop `id`, 0 when none does; ids begin at
+/// `first`. `ends` is scratch of the same length, all 0. A value is live from the uop that makes it to its last reader,
+/// whose result may take over its register. About 8 host instructions a uop: every recorded task passes here.
+#[inline(always)]
+#[expect(unsafe_code, reason = "a bounds check a uop, on an index that was checked as a whole")]
+pub(crate) fn pressure(last_reader: &[u32], ends: &mut [u8], first: usize) -> Pressure {
+    let next = last_reader.len();
+    assert!(ends.len() == next && first <= next);
+    let (mut live, mut live_max) = (0u32, 0u32);
+    for id in first..next {
+        let last = last_reader[id] as usize;
+        debug_assert!(last < next);
+        live = live.wrapping_sub(u32::from(ends[id])).wrapping_add(u32::from(last != 0));
+        live_max = live_max.max(live);
+        // A value without a reader ends at 0, where nobody looks.
+        // SAFETY: readers are uops of this task, whose ids are below `next`.
+        unsafe {
+            let end = ends.get_unchecked_mut(last);
+            *end = end.wrapping_add(1);
         }
-        let mut begin = |producer: usize| {
-            if !live[producer] && defines[(uops[producer] & 0xff) as usize] {
-                live[producer] = true;
-                live_count += 1;
-            }
-        };
-        let producers = if memory[class] { uop >> 8 & 0xffff } else { uop >> 8 };
-        let mut rest = producers;
-        while rest != 0 {
-            if rest & 0xff != 0 {
-                begin(i - (rest & 0xff) as usize);
-            }
-            rest >>= 8;
-        }
-        while let Some(last) = far.last()
-            && last.user as usize == i
-        {
-            begin(last.producer as usize);
-            far.pop();
-        }
-        live_max = live_max.max(live_count);
     }
+    let spills = if live_max > VECTOR_REGISTERS { count_spills(last_reader, ends, first) } else { 0 };
+    Pressure { live_max, spills }
+}
 
-    stream.live_vectors_max = live_max;
+/// The values made while all registers are taken, once `ends` is complete.
+#[cold]
+fn count_spills(last_reader: &[u32], ends: &[u8], first: usize) -> u32 {
+    let (mut live, mut spills) = (0u32, 0u32);
+    for id in first..last_reader.len() {
+        live -= u32::from(ends[id]);
+        if last_reader[id] != 0 {
+            live += 1;
+            spills += u32::from(live > VECTOR_REGISTERS);
+        }
+    }
+    spills
+}
+
+/// Appends a store and a reload for every spill: one of the live values must go to the stack and come back.
+///
+/// The charge stands at the end of the task, where it costs issue slots and L1 accesses but delays no one else's
+/// operands.
+pub(crate) fn charge(stream: &mut Stream, spills: u32) {
     for spill in 0..spills {
         let line = STACK_BASE_LINE + SPILL_SLOT + spill % SPILL_SLOTS;
         stream.uops.push(Uop::memory(Class::SpillStore, 0, 0, 1).0);
@@ -64,5 +71,5 @@ pub(crate) fn charge(stream: &mut Stream, far: &[FarUse]) {
         stream.uops.push(Uop::memory(Class::SpillLoad, 1, 0, 1).0);
         stream.lines.push(line);
     }
-    stream.lanes_active = lane_slots(&stream.count_classes()) - stream.lanes_masked;
+    stream.lanes_active += 2 * LANES as u64 * u64::from(spills);
 }

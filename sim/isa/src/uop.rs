@@ -124,11 +124,7 @@ impl Class {
         (self as u8 >= Class::VectorLoad as u8 && self as u8 <= Class::GatherPrefetch as u8)
             || matches!(
                 self,
-                Class::ScalarLoad
-                    | Class::ScalarStore
-                    | Class::Atomic
-                    | Class::SpillStore
-                    | Class::SpillLoad
+                Class::ScalarLoad | Class::ScalarStore | Class::Atomic | Class::SpillStore | Class::SpillLoad
             )
     }
 

@@ -7,7 +7,8 @@
 //! *fallback, mask, operands*; compares under a mask end in `_masked`. Floats round to nearest even, with denormals. A
 //! NaN is one value: whatever its payload, it is observed (stored, or seen as bits) as `0x7fc00000`.
 //! Addresses are a constant base plus four times an index, which is how x86 addresses arrays. Masked-off lanes issue no
-//! request and cannot fault; an active lane outside the arena is a defect of the kernel and stops the run.
+//! request and cannot fault; an active lane outside the arena is a defect of the kernel and stops the run. Vector indices
+//! reach 2^31 words past the base, scalar ones 2^32. A prefetch outside the arena asks for no line.
 
 use crate::arena::Addr;
 
@@ -136,6 +137,7 @@ macro_rules! define_vpu {
         mask_binary { $($mb:ident, $mbc:ident, [$($mbo:ident)+], $mbe:expr, $mbd:literal;)+ }
         scalar_binary { $($sb:ident, $sbc:ident, [$($sbo:ident)+], $sbe:expr, $sbd:literal;)+ }
     ) => {
+        #[expect(clippy::wrong_self_convention, reason = "`from_bits` is named for what it does to its operand")]
         /// The operations of one hardware thread's vector and scalar units; see the module's conventions.
         pub trait Vpu {
             /// 16 floats.

@@ -256,6 +256,17 @@ impl Lanes for Avx2 {
         }
     }
     #[inline(always)]
+    fn distinct(k: u16, a: I) -> u16 {
+        let values = Self::to_i(a);
+        let (mut live, mut first) = (k, 0);
+        while live != 0 {
+            let lane = live.trailing_zeros() as usize & 15;
+            first |= 1 << lane;
+            live &= !Self::ieq(a, Self::splat_i(values[lane]));
+        }
+        first
+    }
+    #[inline(always)]
     unsafe fn load(from: *const i32) -> I {
         // SAFETY: the caller vouches for the active lanes; the host has the instruction.
         unsafe { [_mm256_loadu_si256(from.cast()), _mm256_loadu_si256(from.wrapping_add(8).cast())] }
@@ -263,7 +274,10 @@ impl Lanes for Avx2 {
     #[inline(always)]
     unsafe fn store(to: *mut i32, a: I) {
         // SAFETY: the caller vouches for the active lanes; the host has the instruction.
-        unsafe { _mm256_storeu_si256(to.cast(), a[0]); _mm256_storeu_si256(to.wrapping_add(8).cast(), a[1]); }
+        unsafe {
+            _mm256_storeu_si256(to.cast(), a[0]);
+            _mm256_storeu_si256(to.wrapping_add(8).cast(), a[1]);
+        }
     }
     #[inline(always)]
     unsafe fn load_masked(or: I, k: u16, from: *const i32) -> I {
@@ -308,5 +322,18 @@ impl Lanes for Avx2 {
     unsafe fn compress(k: u16, to: *mut i32, a: I) {
         // SAFETY: the caller vouches for the active lanes. AVX2 has no compress.
         unsafe { Portable::compress(k, to, Self::to_i(a)) }
+    }
+    #[inline(always)]
+    unsafe fn store_distinct(k: u16, to: *mut i32, a: I) -> u32 {
+        let values = Self::to_i(a);
+        let (mut live, mut count) = (k, 0);
+        while live != 0 {
+            let value = values[live.trailing_zeros() as usize & 15];
+            // SAFETY: the caller vouches for 16 words, and every round takes a lane away.
+            unsafe { to.add(count as usize).write_unaligned(value) };
+            live &= !Self::ieq(a, Self::splat_i(value));
+            count += 1;
+        }
+        count
     }
 }

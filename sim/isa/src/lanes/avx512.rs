@@ -230,12 +230,27 @@ impl Lanes for Avx512 {
     #[inline(always)]
     fn canonical(a: F) -> F {
         // SAFETY: the host has the instruction, see `Lanes`.
-        unsafe { _mm512_mask_blend_ps(_mm512_cmp_ps_mask::<_CMP_UNORD_Q>(a, a), a, _mm512_set1_ps(f32::from_bits(CANONICAL_NAN))) }
+        unsafe {
+            _mm512_mask_blend_ps(
+                _mm512_cmp_ps_mask::<_CMP_UNORD_Q>(a, a),
+                a,
+                _mm512_set1_ps(f32::from_bits(CANONICAL_NAN)),
+            )
+        }
     }
     #[inline(always)]
     fn permute(a: I, index: I) -> I {
         // SAFETY: the host has the instruction, see `Lanes`.
         unsafe { _mm512_permutexvar_epi32(index, a) }
+    }
+    #[inline(always)]
+    fn distinct(k: u16, a: I) -> u16 {
+        // SAFETY: the host has the instruction, see `Lanes`.
+        unsafe {
+            // Lane i: the set of lanes before i with the same value; those that are off do not count.
+            let earlier = _mm512_conflict_epi32(a);
+            _mm512_mask_testn_epi32_mask(k, earlier, _mm512_set1_epi32(i32::from(k)))
+        }
     }
     #[inline(always)]
     unsafe fn load(from: *const i32) -> I {
@@ -276,5 +291,12 @@ impl Lanes for Avx512 {
     unsafe fn compress(k: u16, to: *mut i32, a: I) {
         // SAFETY: the caller vouches for the active lanes; the host has the instruction.
         unsafe { _mm512_mask_compressstoreu_epi32(to, k, a) }
+    }
+    #[inline(always)]
+    unsafe fn store_distinct(k: u16, to: *mut i32, a: I) -> u32 {
+        let first = Self::distinct(k, a);
+        // SAFETY: the caller vouches for 16 words; the host has the instruction.
+        unsafe { _mm512_storeu_epi32(to, _mm512_maskz_compress_epi32(first, a)) };
+        first.count_ones()
     }
 }

@@ -25,9 +25,10 @@ pub const CANONICAL_NAN: u32 = 0x7fc0_0000;
 /// Implements one operation for every lane; see [`Portable`] for the definitions.
 ///
 /// # Safety
-/// The methods that take pointers read or write 4 bytes an active lane there. All methods of a host instruction set may
+/// The methods that take pointers read or write 4 bytes an active lane there (`store_distinct`: up to 64 bytes). All methods of a host instruction set may
 /// only run on hosts that have it: [`HostSimd`](crate::host::HostSimd) sees to that.
 #[expect(unsafe_code, reason = "memory operations take host pointers whose range the caller has checked")]
+#[expect(clippy::missing_safety_doc, reason = "said once for all, above")]
 #[expect(missing_docs, reason = "each method is the lane form of the operation of the same name in `vpu`")]
 pub trait Lanes: 'static {
     type F: Copy;
@@ -82,6 +83,9 @@ pub trait Lanes: 'static {
     fn canonical(a: Self::F) -> Self::F;
     fn permute(a: Self::I, index: Self::I) -> Self::I;
 
+    /// The lanes among `k` whose value no earlier lane among `k` has.
+    fn distinct(k: u16, a: Self::I) -> u16;
+
     unsafe fn load(from: *const i32) -> Self::I;
     unsafe fn store(to: *mut i32, a: Self::I);
     unsafe fn load_masked(or: Self::I, k: u16, from: *const i32) -> Self::I;
@@ -90,4 +94,7 @@ pub trait Lanes: 'static {
     unsafe fn scatter(k: u16, base: *mut i32, index: Self::I, a: Self::I);
     unsafe fn expand(or: Self::I, k: u16, from: *const i32) -> Self::I;
     unsafe fn compress(k: u16, to: *mut i32, a: Self::I);
+    /// The values of the lanes of [`Lanes::distinct`] to consecutive words at `to`, and how many there are; the rest of
+    /// the 16 words at `to` may be overwritten.
+    unsafe fn store_distinct(k: u16, to: *mut i32, a: Self::I) -> u32;
 }

@@ -247,6 +247,17 @@ impl Lanes for Portable {
     }
 
     #[inline(always)]
+    fn distinct(k: u16, a: I) -> u16 {
+        let values = Self::to_i(a);
+        let (mut live, mut first) = (k, 0);
+        while live != 0 {
+            let lane = live.trailing_zeros() as usize & 15;
+            first |= 1 << lane;
+            live &= !Self::ieq(a, Self::splat_i(values[lane]));
+        }
+        first
+    }
+    #[inline(always)]
     unsafe fn load(from: *const i32) -> I {
         // SAFETY: the caller vouches for 64 bytes.
         unsafe { from.cast::<I>().read_unaligned() }
@@ -319,5 +330,18 @@ impl Lanes for Portable {
                 next = next.wrapping_add(1);
             }
         }
+    }
+    #[inline(always)]
+    unsafe fn store_distinct(k: u16, to: *mut i32, a: I) -> u32 {
+        let values = Self::to_i(a);
+        let (mut live, mut count) = (k, 0);
+        while live != 0 {
+            let value = values[live.trailing_zeros() as usize & 15];
+            // SAFETY: the caller vouches for 16 words, and every round takes a lane away.
+            unsafe { to.add(count as usize).write_unaligned(value) };
+            live &= !Self::ieq(a, Self::splat_i(value));
+            count += 1;
+        }
+        count
     }
 }
