@@ -1,0 +1,227 @@
+//! Whole steps: the two levels against each other, and what must hold of every run.
+
+use super::*;
+use crate::cache::Intent;
+use crate::config::{MachineConfig, builtin_machine};
+use crate::ring::Message;
+use crate::streams::{Builder, Mix, Tasks, same};
+use lrbsim_isa::uop::Class;
+
+pub(super) fn config(name: &str) -> MachineConfig {
+    serde_json::from_str(builtin_machine(name).expect("shipped")).expect("parses")
+}
+
+/// Two steps of a mix on a fresh chip: the sum of their reports.
+fn run(config: &MachineConfig, fidelity: Fidelity, mix: Mix) -> StepReport {
+    let spec = config.validate().expect("sound");
+    let mut chip = Chip::new(&spec, fidelity);
+    let mut sum = StepReport::default();
+    for _ in 0..2 {
+        let mut tasks = Tasks { count: 500, make: |task| mix.stream(task, 2000) };
+        sum += chip.run_step(&mut tasks);
+    }
+    assert_eq!(sum.cycles, chip.now());
+    sum
+}
+
+fn percent(a: u64, b: u64) -> f64 {
+    (a as f64 / b as f64 - 1.0) * 100.0
+}
+
+/// Known gap: in `cycle`, round robin keeps the threads of a core in step, so that all wait for locked operations at one
+/// time; `windowed` lets one thread run ahead inside a window, which spreads them. `windowed` is 6 to 7 % too fast there.
+const ATOMICS_GAP_PERCENT: f64 = 8.0;
+
+#[test]
+fn windowed_is_within_3_percent_of_cycle() {
+    for mix in Mix::ALL {
+        let config = config("larrabee-24");
+        let windowed = run(&config, Fidelity::Windowed, mix);
+        let cycle = run(&config, Fidelity::Cycle, mix);
+        let error = percent(windowed.cycles, cycle.cycles);
+        println!("{mix:?}: windowed {} cycle {} ({error:+.2} %)", windowed.cycles, cycle.cycles);
+        assert_eq!(windowed.class_counts, cycle.class_counts);
+        let tolerance = if mix == Mix::Atomics { ATOMICS_GAP_PERCENT } else { 3.0 };
+        assert!(error.abs() <= tolerance, "{mix:?}: {error:+.2} %");
+    }
+}
+
+#[test]
+fn the_same_run_gives_the_same_report() {
+    for fidelity in LEVELS {
+        assert_eq!(
+            run(&config("larrabee-24"), fidelity, Mix::Kernel),
+            run(&config("larrabee-24"), fidelity, Mix::Kernel)
+        );
+    }
+}
+
+const LEVELS: [Fidelity; 2] = [Fidelity::Windowed, Fidelity::Cycle];
+
+/// Cycles of a step of `tasks` equal tasks on a chip without queue and barrier, at both levels, which must agree.
+fn cycles(edit: impl Fn(&mut MachineConfig), warm: &[Stream], tasks: u32, stream: &Stream) -> Cycle {
+    let [windowed, cycle] = LEVELS.map(|fidelity| {
+        let mut config = config("larrabee-24");
+        (config.ideal.queue, config.ideal.barrier) = (true, true);
+        edit(&mut config);
+        let mut chip = Chip::new(&config.validate().expect("sound"), fidelity);
+        for stream in warm {
+            chip.run_step(&mut same(1, stream.clone()));
+            // Everything that the warming left in flight arrives.
+            chip.now += 10_000;
+        }
+        chip.run_step(&mut same(tasks, stream.clone())).cycles
+    });
+    assert_eq!(windowed, cycle);
+    cycle
+}
+
+fn one_core(config: &mut MachineConfig) {
+    config.cores = 1;
+    config.memory.controllers = 1;
+}
+
+#[test]
+fn a_dependent_chain_takes_its_latencies() {
+    for (class, latency) in
+        [(Class::VectorFma, 4), (Class::Mask, 2), (Class::ScalarMul, 10), (Class::ScalarAlu, 1)]
+    {
+        let chain = Builder::default().repeat(100, |b, _| b.alu(class, [1, 0, 0])).build();
+        assert_eq!(cycles(|_| (), &[], 1, &chain), 99 * latency + 1, "{class:?}");
+    }
+}
+
+#[test]
+fn independent_uops_issue_one_a_cycle_whatever_the_number_of_threads() {
+    let stream = Builder::default().repeat(640, |b, _| b.alu(Class::VectorMul, [0; 3])).build();
+    for threads in 1..=4 {
+        assert_eq!(cycles(one_core, &[], threads, &stream), 640 * Cycle::from(threads));
+    }
+}
+
+#[test]
+fn four_chains_on_four_threads_fill_the_vector_pipe() {
+    let chain = Builder::default().repeat(1000, |b, _| b.alu(Class::VectorFma, [1, 0, 0])).build();
+    assert_eq!(cycles(one_core, &[], 4, &chain), 4000);
+}
+
+#[test]
+fn a_thread_that_cannot_issue_back_to_back_has_half_the_rate() {
+    let stream = Builder::default().repeat(100, |b, _| b.alu(Class::VectorMul, [0; 3])).build();
+    let knc = |config: &mut MachineConfig| config.core.thread_issue_interval_cycles = 2;
+    assert_eq!(cycles(knc, &[], 1, &stream), 200);
+}
+
+#[test]
+fn a_vector_and_a_scalar_uop_pair_and_two_vector_uops_do_not() {
+    let pairs = Builder::default()
+        .repeat(50, |b, _| b.alu(Class::VectorMul, [0; 3]).alu(Class::ScalarAlu, [0; 3]))
+        .build();
+    assert_eq!(cycles(|_| (), &[], 1, &pairs), 50);
+    assert_eq!(cycles(|config| config.core.dual_issue = false, &[], 1, &pairs), 100);
+}
+
+/// A uop that needs the result of a load of `line`: the step's cycles are the load's latency + 1.
+fn probe(line: u32) -> Stream {
+    Builder::default().memory(Class::ScalarLoad, 0, &[line]).alu(Class::ScalarAlu, [1, 0, 0]).build()
+}
+
+#[test]
+fn hits_are_answered_exactly_at_their_latency() {
+    let l1 = Builder::default().memory(Class::ScalarLoad, 0, &[77]).build();
+    let l2 = Builder::default().memory(Class::PrefetchL2, 0, &[77]).build();
+    assert_eq!(cycles(|_| (), &[l1], 1, &probe(77)), 3 + 1);
+    assert_eq!(cycles(|_| (), &[l2], 1, &probe(77)), 24 + 1);
+}
+
+#[test]
+fn a_gather_takes_a_cycle_a_line() {
+    for lines in 1..=16_u32 {
+        let touched: Vec<u32> = (1000..1000 + lines).collect();
+        let warm = Builder::default()
+            .repeat(lines as usize, |b, i| b.memory(Class::ScalarLoad, 0, &[1000 + i as u32]));
+        let gather =
+            Builder::default().memory(Class::Gather, 0, &touched).alu(Class::VectorAlu, [1, 0, 0]).build();
+        // The last line is asked for at lines - 1 and there 3 later; the consumer takes one.
+        assert_eq!(cycles(|_| (), &[warm.build()], 1, &gather), u64::from(lines) - 1 + 3 + 1);
+    }
+}
+
+#[test]
+fn a_miss_takes_the_sum_of_its_parts_and_not_a_cycle_off() {
+    for fidelity in LEVELS {
+        for line in [4096, 5000, 77_777] {
+            for from_peer in [false, true] {
+                let mut config = config("larrabee-24");
+                (config.ideal.queue, config.ideal.barrier) = (true, true);
+                let spec = config.validate().expect("sound");
+                let mut chip = Chip::new(&spec, fidelity);
+                chip.now = 100_000;
+                let home = chip.hierarchy.home_of(line);
+                let ride =
+                    |chip: &Chip, from, to, message| chip.hierarchy.rings.idle_cycles(from, to, message);
+                let (supplier, served) = if from_peer {
+                    chip.hierarchy.caches[17].power_up(&spec);
+                    chip.hierarchy.access(17, line, Intent::Write, 0).expect("free MSHRs");
+                    (17, spec.l2.hit_cycles)
+                } else {
+                    (chip.hierarchy.controller_stop(line), spec.memory.row_miss_cycles)
+                };
+                let expected = spec.l2.hit_cycles
+                    + ride(&chip, 0, home, Message::Short)
+                    + spec.directory_lookup
+                    + ride(&chip, home, supplier, Message::Short)
+                    + served
+                    + ride(&chip, supplier, 0, Message::Line);
+                let report = chip.run_step(&mut same(1, probe(line)));
+                assert_eq!(report.cycles, expected + 1, "line {line} from_peer {from_peer}");
+                println!("{fidelity} line {line} from_peer {from_peer}: {expected} cycles");
+            }
+        }
+    }
+}
+
+#[test]
+fn task_counter_and_barrier_cost_what_they_are_made_of() {
+    for fidelity in LEVELS {
+        let spec = config("larrabee-24").validate().expect("sound");
+        let mut chip = Chip::new(&spec, fidelity);
+        let barrier = barrier_cycles(&spec, &chip.hierarchy.rings);
+        let one = Builder::default().alu(Class::ScalarAlu, [0; 3]).build();
+        chip.run_step(&mut same(1, one.clone()));
+        // The counter's line is owned by now: two locked adds on it, one for the task, one that finds no more.
+        let report = chip.run_step(&mut same(1, one));
+        assert_eq!(report.cycles, 2 * (5 + 10) + 1 + barrier);
+        println!("{fidelity}: barrier {barrier}");
+        assert_eq!(chip.run_step(&mut same(0, Stream::default())).cycles, barrier);
+    }
+}
+
+#[test]
+fn ideal_is_a_lower_bound_and_more_never_hurts() {
+    let slack = 1.02;
+    for mix in [Mix::Streaming, Mix::RandomGather, Mix::Kernel] {
+        let base = run(&config("larrabee-24"), Fidelity::Windowed, mix).cycles;
+        let with = |edit: &dyn Fn(&mut MachineConfig)| {
+            let mut config = config("larrabee-24");
+            edit(&mut config);
+            run(&config, Fidelity::Windowed, mix).cycles
+        };
+        assert!(run(&config("ideal"), Fidelity::Windowed, mix).cycles <= base, "{mix:?}: ideal");
+        let bandwidth = with(&|config| config.memory.bandwidth_gb_per_s *= 2.0);
+        assert!(bandwidth as f64 <= base as f64 * slack, "{mix:?}: bandwidth {bandwidth} {base}");
+        let cores = with(&|config| config.cores = 32);
+        assert!(cores as f64 <= base as f64 * slack, "{mix:?}: cores {cores} {base}");
+    }
+}
+
+#[test]
+fn a_big_chip_runs_a_small_step_on_few_cores() {
+    let mut config = config("larrabee-24");
+    config.cores = 1024;
+    let mut chip = Chip::new(&config.validate().expect("sound"), Fidelity::Windowed);
+    let report = chip.run_step(&mut Tasks { count: 5, make: |task| Mix::Kernel.stream(task, 500) });
+    assert_eq!(chip.activity().iter().filter(|core| core.issued > 0).count(), 5);
+    assert_eq!(chip.cores.iter().flatten().count(), 5);
+    assert_eq!(report.cycle_stack.total(), 1024 * report.cycles);
+}

@@ -1,0 +1,213 @@
+//! The path of an access, from a uop to the time its line is usable.
+
+use super::{Directory, State};
+use crate::Cycle;
+use crate::cache::{CoreCaches, Intent, Tags};
+use crate::config::MachineSpec;
+use crate::counters::{AtomicCounters, Cause, DirectoryCounters};
+use crate::memory::Memory;
+use crate::occupancy::Slots;
+use crate::ring::Rings;
+
+/// Everything between the cores and the memory chips.
+pub(crate) struct Hierarchy {
+    pub(crate) spec: MachineSpec,
+    pub(crate) caches: Vec<CoreCaches>,
+    pub(super) directory: Directory,
+    /// When the slice at each stop serves.
+    pub(super) slices: Vec<Slots>,
+    pub(crate) rings: Rings,
+    pub(crate) memory: Memory,
+    /// Room for the list of cores that a transaction has to ask.
+    pub(super) peers: Vec<u32>,
+    pub(crate) counters: DirectoryCounters,
+    pub(crate) atomics: AtomicCounters,
+}
+
+/// What became of an access.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Access {
+    /// When the line is usable.
+    pub(crate) ready: Cycle,
+    /// What the time was spent on.
+    pub(crate) cause: Cause,
+    /// Whether the L1 did not have it ready.
+    pub(crate) missed: bool,
+}
+
+impl Hierarchy {
+    pub(crate) fn new(spec: &MachineSpec) -> Hierarchy {
+        Hierarchy {
+            caches: (0..spec.cores).map(|_| CoreCaches::absent()).collect(),
+            directory: Directory::default(),
+            slices: vec![Slots::new(spec.directory_interval * 256); spec.cores as usize],
+            rings: Rings::new(spec),
+            memory: Memory::new(&spec.memory),
+            peers: Vec::new(),
+            counters: DirectoryCounters::default(),
+            atomics: AtomicCounters::default(),
+            spec: spec.clone(),
+        }
+    }
+
+    /// A hit in L1, the common case. `None` when it is anything else; then nothing has changed but the way's recency.
+    #[inline(always)]
+    pub(crate) fn l1_hit(&mut self, core: usize, line: u32, write: bool) -> bool {
+        let caches = &mut self.caches[core];
+        let Some(slot) = caches.l1.find(line) else { return false };
+        let bits = caches.l1.bits(slot);
+        if write {
+            if bits & (Tags::WRITABLE | Tags::PENDING) != Tags::WRITABLE {
+                return false;
+            }
+            caches.l1.set_bits(slot, bits | Tags::DIRTY);
+        } else if bits & Tags::PENDING != 0 {
+            return false;
+        }
+        caches.l1.touch(slot);
+        caches.l1_counters.accesses += 1;
+        caches.l1_counters.hits += 1;
+        true
+    }
+
+    /// An access of `core` to `line` at `now`; `Err` is the time to ask again, when all MSHRs that it needs are taken, and
+    /// then nothing has changed.
+    pub(crate) fn access(
+        &mut self,
+        core: usize,
+        line: u32,
+        intent: Intent,
+        now: Cycle,
+    ) -> Result<Access, Cycle> {
+        let write = intent != Intent::Read;
+        let l1_hit_cycles = self.spec.l1d.hit_cycles;
+        if self.spec.ideal.memory {
+            let counters = &mut self.caches[core].l1_counters;
+            counters.accesses += 1;
+            counters.hits += 1;
+            return Ok(Access { ready: now + l1_hit_cycles, cause: Cause::L1, missed: false });
+        }
+        if self.l1_hit(core, line, write) {
+            return Ok(Access { ready: now + l1_hit_cycles, cause: Cause::L1, missed: false });
+        }
+
+        // On its way: wait for the same fill.
+        let caches = &mut self.caches[core];
+        let l1_slot = caches.l1.find(line);
+        if let Some(slot) = l1_slot {
+            let bits = caches.l1.bits(slot);
+            let may = !write || bits & Tags::WRITABLE != 0;
+            if bits & Tags::PENDING != 0
+                && may
+                && let Some(mshr) = caches.l1_mshrs.in_flight(line, now)
+            {
+                caches.l1.set_bits(slot, bits | if write { Tags::DIRTY } else { 0 });
+                caches.l1.touch(slot);
+                caches.l1_counters.accesses += 1;
+                caches.l1_counters.merged += 1;
+                let ready = mshr.fill.max(now + l1_hit_cycles);
+                return Ok(Access { ready, cause: mshr.cause, missed: true });
+            }
+            caches.l1.set_bits(slot, bits & !Tags::PENDING);
+            if may {
+                // It has arrived since.
+                assert!(self.l1_hit(core, line, write), "core {core} holds line {line:#x}");
+                return Ok(Access { ready: now + l1_hit_cycles, cause: Cause::L1, missed: false });
+            }
+        }
+
+        // A miss: every resource it needs must be free before anything changes.
+        let free = caches.l1_mshrs.free_at(now);
+        if free > now {
+            return Err(free);
+        }
+        let (ready, cause) = self.l2_access(core, line, intent, now)?;
+        let caches = &mut self.caches[core];
+        caches.l1_counters.accesses += 1;
+        caches.l1_counters.misses += 1;
+        caches.l1_mshrs.hold(line, now, ready, cause);
+
+        // Fill the L1 now; PENDING sends those who come early to the MSHR.
+        let l2_slot = caches.l2.find(line);
+        let owned = l2_slot.is_some_and(|slot| State::from_bits(caches.l2.bits(slot)).is_owner());
+        let mut bits = Tags::PENDING;
+        bits |= if owned { Tags::WRITABLE } else { 0 };
+        bits |= if write { Tags::DIRTY } else { 0 };
+        match caches.l1.find(line) {
+            Some(slot) => {
+                caches.l1_counters.upgrades += 1;
+                caches.l1.set_bits(slot, bits);
+                caches.l1.touch(slot);
+            }
+            None => {
+                if let Some((victim, victim_bits)) = caches.l1.insert(line, bits) {
+                    caches.l1_counters.evictions += 1;
+                    if victim_bits & Tags::DIRTY != 0 {
+                        caches.l1_counters.writebacks += 1;
+                        caches.mark_modified(victim);
+                    }
+                }
+            }
+        }
+        Ok(Access { ready, cause, missed: true })
+    }
+
+    /// Brings `line` into the L2 and no further.
+    pub(crate) fn prefetch_l2(&mut self, core: usize, line: u32, now: Cycle) -> Result<(), Cycle> {
+        if !self.spec.ideal.memory {
+            self.l2_access(core, line, Intent::Read, now)?;
+        }
+        Ok(())
+    }
+
+    /// An L1 miss or L2 prefetch at `now`, the time of the uop: when the line is usable, and why then.
+    fn l2_access(
+        &mut self,
+        core: usize,
+        line: u32,
+        intent: Intent,
+        now: Cycle,
+    ) -> Result<(Cycle, Cause), Cycle> {
+        let hit_cycles = self.spec.l2.hit_cycles;
+        let caches = &mut self.caches[core];
+        if let Some(slot) = caches.l2.find(line) {
+            let bits = caches.l2.bits(slot);
+            if intent == Intent::Read || State::from_bits(bits).is_owner() {
+                caches.l2.touch(slot);
+                caches.l2_counters.accesses += 1;
+                if intent != Intent::Read {
+                    caches.l2.set_bits(slot, bits | State::M as u8);
+                }
+                if bits & Tags::PENDING != 0 {
+                    if let Some(mshr) = caches.l2_mshrs.in_flight(line, now) {
+                        caches.l2_counters.merged += 1;
+                        return Ok((mshr.fill.max(now + hit_cycles), mshr.cause));
+                    }
+                    let bits = caches.l2.bits(slot);
+                    caches.l2.set_bits(slot, bits & !Tags::PENDING);
+                }
+                caches.l2_counters.hits += 1;
+                return Ok((now + hit_cycles, Cause::L2));
+            }
+        }
+        let free = caches.l2_mshrs.free_at(now);
+        if free > now {
+            return Err(free);
+        }
+        caches.l2_counters.accesses += 1;
+        caches.l2_counters.misses += 1;
+        // The L2 has to find out that it misses first.
+        let (fill, cause) = self.transact(core, line, intent, now + hit_cycles);
+        self.caches[core].l2_mshrs.hold(line, now, fill, cause);
+        Ok((fill, cause))
+    }
+}
+
+impl CoreCaches {
+    /// A modified line came down from the L1.
+    pub(super) fn mark_modified(&mut self, line: u32) {
+        let slot = self.l2.find(line).expect("the L2 includes the L1");
+        let bits = self.l2.bits(slot);
+        self.l2.set_bits(slot, bits | State::M as u8);
+    }
+}

@@ -1,0 +1,229 @@
+//! A transaction: what a miss or an upgrade asks of the home, and what follows.
+//!
+//! It is timed whole when it leaves the core. All shared resources remember which of their slots are taken, so a request
+//! that leaves a little earlier than one already timed still finds its place before it.
+
+use super::transition::{Event, Others, Source, State, transition};
+use super::{Hierarchy, directory::Record, sharers::Sharers};
+use crate::Cycle;
+use crate::cache::{Intent, Tags};
+use crate::counters::Cause;
+use crate::ring::Message;
+
+impl Hierarchy {
+    /// The core at whose stop the home of `line` is: spread uniformly over all of them [chrysos12].
+    pub(crate) fn home_of(&self, line: u32) -> u32 {
+        let hash =
+            u64::from(line.wrapping_mul(0x9e37_79b1) ^ line >> 15).wrapping_mul(0x2545_f491) & 0xffff_ffff;
+        ((hash * u64::from(self.spec.cores)) >> 32) as u32
+    }
+
+    /// The core at whose stop the controller of `line` is.
+    pub(crate) fn controller_stop(&self, line: u32) -> u32 {
+        let controller = u64::from(self.memory.controller_of(line));
+        (controller * u64::from(self.spec.cores) / u64::from(self.spec.memory.controllers)) as u32
+    }
+
+    /// Serves a request that leaves `core` at `now`. Returns when line or ownership are there, and what held them up.
+    pub(super) fn transact(&mut self, core: usize, line: u32, intent: Intent, now: Cycle) -> (Cycle, Cause) {
+        let me = core as u32;
+        let home = self.home_of(line);
+        let ring_waits_before = self.rings.counters.wait_cycles;
+        self.counters.transactions += 1;
+
+        // To the home, and wait there for the slice and for earlier transactions on the line.
+        let arrived = self.rings.send(me, home, Message::Short, now);
+        let served = self.slices[home as usize].take(arrived);
+        let (record, pool) = self.directory.record(line);
+        let others = match record.sharers.owner() {
+            Some(owner) if owner != me => Others::Own,
+            Some(_) => Others::Nobody,
+            None if record.sharers.nearest(me, pool).is_some() => Others::Share,
+            None => Others::Nobody,
+        };
+        let slot = self.caches[core].l2.find(line);
+        let state = slot.map_or(State::I, |slot| State::from_bits(self.caches[core].l2.bits(slot)));
+        let event = match intent {
+            Intent::Read => Event::Read(others),
+            Intent::Write => Event::Write(others),
+            Intent::Stream => Event::Stream(others),
+        };
+        let (next, actions) = transition(state, event).expect("the directory knows every copy");
+        let changes_owner = others == Others::Own || next.is_owner();
+        let start = served.max(if changes_owner {
+            record.read_after.max(record.write_after)
+        } else {
+            record.read_after
+        });
+        self.counters.wait_cycles += start - arrived;
+        let leaves = start + self.spec.directory_lookup;
+
+        // Copies of others: who supplies, who is downgraded, who loses it.
+        let before = record.sharers;
+        let mut done = leaves;
+        if actions.data == Source::Peer || actions.invalidate_others {
+            let supplier = before.nearest(me, &self.directory.pool);
+            let mut peers = std::mem::take(&mut self.peers);
+            if actions.invalidate_others {
+                before.for_each(&self.directory.pool, |peer| {
+                    if peer != me {
+                        peers.push(peer);
+                    }
+                });
+            } else {
+                peers.extend(supplier);
+            }
+            if actions.data == Source::Peer {
+                self.counters.forwards += 1;
+            }
+            for peer in &peers {
+                let supplies = actions.data == Source::Peer && Some(*peer) == supplier;
+                let asked = self.rings.send(home, *peer, Message::Short, leaves);
+                if actions.invalidate_others {
+                    self.counters.invalidations += 1;
+                    self.lose(*peer as usize, line);
+                } else {
+                    self.supply(*peer, line, asked);
+                }
+                let message = if supplies { Message::Line } else { Message::Short };
+                // A supplier reads its L2; an acknowledgement leaves at once.
+                let answers = if supplies { asked + self.spec.l2.hit_cycles } else { asked };
+                done = done.max(self.rings.send(*peer, me, message, answers));
+            }
+            peers.clear();
+            self.peers = peers;
+        }
+
+        // Memory, or the home's permission when no data are needed.
+        match actions.data {
+            Source::Memory => {
+                let controller = self.controller_stop(line);
+                let asked = self.rings.send(home, controller, Message::Short, leaves);
+                let read = self.memory.read(line, asked);
+                done = done.max(self.rings.send(controller, me, Message::Line, read));
+            }
+            Source::Nowhere => done = done.max(self.rings.send(home, me, Message::Short, leaves)),
+            Source::Peer => {}
+        }
+
+        self.note(core, line, next, others, changes_owner, done);
+        self.fill_l2(core, line, next, done);
+
+        let ring_waits = self.rings.counters.wait_cycles - ring_waits_before;
+        let cause = if ring_waits * 2 > done - now {
+            Cause::Ring
+        } else if actions.data == Source::Memory {
+            Cause::Memory
+        } else {
+            Cause::Remote
+        };
+        (done, cause)
+    }
+
+    /// Writes down who has the line now, and until when it is busy.
+    fn note(
+        &mut self,
+        core: usize,
+        line: u32,
+        next: State,
+        others: Others,
+        changes_owner: bool,
+        done: Cycle,
+    ) {
+        let (record, pool) = self.directory.record(line);
+        let Record { sharers, read_after, write_after } = record;
+        if next.is_owner() {
+            sharers.clear(pool);
+            *sharers = Sharers::owned_by(core as u32);
+        } else {
+            debug_assert!(others != Others::Nobody, "alone and not the owner");
+            sharers.add(core as u32, pool);
+        }
+        *write_after = done.max(*write_after);
+        if changes_owner {
+            *read_after = done.max(*read_after);
+        }
+    }
+
+    /// A peer's copy is read by another core: it stays, shared, and memory gets what it does not have.
+    fn supply(&mut self, peer: u32, line: u32, now: Cycle) {
+        let caches = &mut self.caches[peer as usize];
+        let slot = caches.l2.find(line).expect("the directory knows every copy");
+        let bits = caches.l2.bits(slot);
+        let mut state = State::from_bits(bits);
+        if let Some(l1) = caches.l1.find(line) {
+            let l1_bits = caches.l1.bits(l1);
+            if l1_bits & Tags::DIRTY != 0 {
+                state = State::M;
+                caches.l1_counters.writebacks += 1;
+            }
+            caches.l1.set_bits(l1, l1_bits & !(Tags::WRITABLE | Tags::DIRTY));
+        }
+        let (next, actions) = transition(state, Event::RemoteRead).expect("a copy can be read");
+        caches.l2.set_bits(slot, bits & !Tags::STATE | next as u8);
+        if actions.write_back {
+            caches.l2_counters.writebacks += 1;
+            self.write_back(peer, line, now);
+        }
+    }
+
+    /// A core's copy is lost to a writer.
+    fn lose(&mut self, peer: usize, line: u32) {
+        let caches = &mut self.caches[peer];
+        let slot = caches.l2.find(line).expect("the directory knows every copy");
+        let state = State::from_bits(caches.l2.bits(slot));
+        let (next, _) = transition(state, Event::RemoteWrite).expect("a copy can be lost");
+        assert_eq!(next, State::I);
+        caches.l2.remove(slot);
+        caches.l2_counters.invalidations += 1;
+        if let Some(l1) = caches.l1.find(line) {
+            caches.l1.remove(l1);
+            caches.l1_counters.invalidations += 1;
+        }
+    }
+
+    /// Puts a line in a core's L2, where it may be already, and makes room for it.
+    fn fill_l2(&mut self, core: usize, line: u32, state: State, now: Cycle) {
+        let caches = &mut self.caches[core];
+        let bits = state as u8 | Tags::PENDING;
+        if let Some(slot) = caches.l2.find(line) {
+            caches.l2_counters.upgrades += 1;
+            caches.l2.set_bits(slot, bits);
+            caches.l2.touch(slot);
+            return;
+        }
+        let Some((victim, victim_bits)) = caches.l2.insert(line, bits) else { return };
+        caches.l2_counters.evictions += 1;
+        let mut state = State::from_bits(victim_bits);
+        // The L2 is inclusive: the L1 loses what the L2 loses.
+        if let Some(l1) = caches.l1.find(victim) {
+            if caches.l1.bits(l1) & Tags::DIRTY != 0 {
+                state = State::M;
+                caches.l1_counters.writebacks += 1;
+            }
+            caches.l1.remove(l1);
+            caches.l1_counters.invalidations += 1;
+        }
+        let (_, actions) = transition(state, Event::Evict).expect("a held line can be evicted");
+        if actions.write_back {
+            caches.l2_counters.writebacks += 1;
+        }
+        // Nobody waits for either message; they only take slots.
+        if actions.notify_home {
+            let home = self.home_of(victim);
+            self.rings.send(core as u32, home, Message::Short, now);
+            let (record, pool) = self.directory.record(victim);
+            record.sharers.remove(core as u32, pool);
+        }
+        if actions.write_back {
+            self.write_back(core as u32, victim, now);
+        }
+    }
+
+    /// Sends a line to memory.
+    fn write_back(&mut self, core: u32, line: u32, now: Cycle) {
+        let controller = self.controller_stop(line);
+        let arrived = self.rings.send(core, controller, Message::Line, now);
+        self.memory.write(line, arrived);
+    }
+}

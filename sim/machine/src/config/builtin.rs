@@ -1,0 +1,18 @@
+//! The machines that are shipped inside the binary.
+
+const MACHINES: [(&str, &str); 3] = [
+    ("larrabee-24", include_str!("../../../../configs/machines/larrabee-24.json")),
+    ("larrabee-32", include_str!("../../../../configs/machines/larrabee-32.json")),
+    ("ideal", include_str!("../../../../configs/machines/ideal.json")),
+];
+
+/// Text of the shipped machine `name`: JSON of a [`MachineConfig`](super::MachineConfig).
+pub fn builtin_machine(name: &str) -> Option<&'static str> {
+    MACHINES.iter().find(|(key, _)| *key == name).map(|(_, text)| *text)
+}
+
+/// Names of the shipped machines, the default first.
+pub fn builtin_machine_names() -> &'static [&'static str] {
+    const NAMES: [&str; MACHINES.len()] = [MACHINES[0].0, MACHINES[1].0, MACHINES[2].0];
+    &NAMES
+}

@@ -1,0 +1,207 @@
+//! A machine as written in `configs/machines/*.json`, and what validation turns it into.
+
+mod builtin;
+mod spec;
+mod validate;
+
+#[cfg(test)]
+mod tests;
+
+pub use builtin::{builtin_machine, builtin_machine_names};
+pub use spec::{CacheSpec, CoreSpec, MachineSpec, MemorySpec, RingSpec};
+pub use validate::ConfigError;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// A machine: every number that timing depends on. Lines have 64 bytes.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MachineConfig {
+    /// Name, as in reports.
+    pub name: String,
+    /// Core and ring clock, GHz. Turns cycles into time, and times of the memory into cycles.
+    pub clock_ghz: f64,
+    /// Cores, each at its own ring stop.
+    pub cores: u32,
+    /// Hardware threads a core.
+    pub threads_per_core: u32,
+    /// The core.
+    pub core: CoreConfig,
+    /// The data cache that a core's threads share.
+    pub l1d: CacheConfig,
+    /// The cache private to a core, inclusive of its L1.
+    pub l2: CacheConfig,
+    /// The ring or rings.
+    pub ring: RingConfig,
+    /// The directory, one slice at every ring stop of a core.
+    pub directory: DirectoryConfig,
+    /// The memory controllers and what hangs off them.
+    pub memory: MemoryConfig,
+    /// Locked operations.
+    pub atomic: AtomicConfig,
+    /// The barrier at the end of a step.
+    pub barrier: BarrierConfig,
+    /// The task counter.
+    pub scheduler: SchedulerConfig,
+    /// Parts that cost nothing, to ask what they cost.
+    #[serde(default)]
+    pub ideal: IdealConfig,
+    /// JSON path of a number above → `published: KEY, place` | `derived: how` | `assumed: why`.
+    pub sources: BTreeMap<String, String>,
+}
+
+/// The core: in-order, with a vector-or-any pipe U and a scalar, mask and memory pipe V.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CoreConfig {
+    /// Whether pipe V exists: two uops of one thread may issue in a cycle.
+    pub dual_issue: bool,
+    /// Least cycles between two issues of one thread; 1: back to back.
+    pub thread_issue_interval_cycles: u32,
+    /// Whether a thread sleeps from an L1 miss (load or store, not prefetch) until the line is there. If not, only a uop
+    /// that needs the loaded value waits.
+    pub blocks_on_l1_miss: bool,
+    /// Distinct lines that a gather or scatter hands to the L1 in a cycle; may be a fraction.
+    pub gather_lines_per_cycle: f64,
+    /// Cycles that a gather or scatter holds its thread beside those for its lines.
+    pub gather_overhead_cycles: u32,
+    /// Result latencies of uops that touch no memory.
+    pub latency_cycles: LatencyConfig,
+}
+
+/// Cycles from issue to the earliest issue of a consumer, by class.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LatencyConfig {
+    /// Vector add, compare, logic, shift, blend.
+    pub vector_alu: u32,
+    /// Vector multiply.
+    pub vector_mul: u32,
+    /// Vector fused multiply-add.
+    pub vector_fma: u32,
+    /// Vector reciprocal and reciprocal square root.
+    pub vector_math: u32,
+    /// Vector convert and round.
+    pub vector_convert: u32,
+    /// Swizzle, permute, register broadcast.
+    pub vector_shuffle: u32,
+    /// Mask logic and moves.
+    pub mask: u32,
+    /// Scalar ALU.
+    pub scalar_alu: u32,
+    /// Scalar multiply.
+    pub scalar_mul: u32,
+    /// Cycles from a branch to the next issue of its thread, mispredictions averaged in.
+    pub branch: u32,
+}
+
+/// One cache level.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CacheConfig {
+    /// A whole number of sets, at least one.
+    pub capacity_bytes: u64,
+    /// Lines in a set, at most 16.
+    pub ways: u32,
+    /// Load-to-use latency of a hit, from the issue of the load. That of the L2 contains the L1 look-up.
+    pub hit_cycles: u32,
+    /// Misses that may be outstanding at once.
+    pub mshrs: u32,
+}
+
+/// The bidirectional ring: one belt of slots a direction for lines, one for requests and acknowledgements.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RingConfig {
+    /// Bytes that a link moves in a cycle in each direction.
+    pub bytes_per_cycle: u32,
+    /// Cycles from a stop to the next.
+    pub hop_cycles: u32,
+    /// Greatest number of cores on one ring; more cores are spread evenly over several rings, linked in a ring.
+    pub cores_per_ring: u32,
+    /// Cycles that a message spends where it changes rings.
+    pub crossing_cycles: u32,
+}
+
+/// The distributed directory.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DirectoryConfig {
+    /// Cycles from the arrival of a request at its home to the departure of what it causes.
+    pub lookup_cycles: u32,
+    /// Cycles between two requests served by one slice.
+    pub interval_cycles: u32,
+}
+
+/// The memory controllers, spread evenly over the ring stops.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MemoryConfig {
+    /// Number of controllers; lines are interleaved over them.
+    pub controllers: u32,
+    /// Peak bandwidth of all controllers together, 10⁹ bytes a second.
+    pub bandwidth_gb_per_s: f64,
+    /// Idle latency of an access that opens a row, from arrival at the controller to the line leaving it, ns.
+    pub latency_ns: f64,
+    /// The same when the row is open, ns.
+    pub row_hit_latency_ns: f64,
+    /// Least time between two row openings in one bank, ns.
+    pub row_cycle_ns: f64,
+    /// Banks a controller.
+    pub banks: u32,
+    /// Bytes of a row; a whole number of lines.
+    pub row_bytes: u32,
+}
+
+/// Locked operations.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct AtomicConfig {
+    /// Cycles from issue to the result of a locked operation on a line that the core owns in its L1; the next one on that
+    /// line starts then, and the issuing thread waits as long.
+    pub latency_cycles: u32,
+}
+
+/// The barrier: `⌈log2 cores⌉` rounds of pairwise signals.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct BarrierConfig {
+    /// Cycles a round costs beside one transfer of a line between cores: the store of a flag and the test that sees it.
+    pub round_overhead_cycles: u32,
+}
+
+/// The task counter.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SchedulerConfig {
+    /// Most tasks taken with one locked add; fewer near the end of a step, see [`crate::scheduler`].
+    pub chunk_tasks_max: u32,
+    /// Cycles from the result of the locked add to the first uop of the task.
+    pub dispatch_cycles: u32,
+}
+
+/// Parts of the machine that cost nothing.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct IdealConfig {
+    /// Every access is an L1 hit.
+    pub memory: bool,
+    /// Messages arrive when they are sent.
+    pub ring: bool,
+    /// Tasks are there when a thread asks.
+    pub queue: bool,
+    /// All threads go on when the last arrives.
+    pub barrier: bool,
+}
+
+impl MachineConfig {
+    /// The only road to a [`MachineSpec`], so no component re-checks what it holds.
+    ///
+    /// # Errors
+    /// Names the first number that no machine can have, by its JSON path.
+    pub fn validate(&self) -> Result<MachineSpec, ConfigError> {
+        validate::validate(self)
+    }
+}

@@ -1,0 +1,201 @@
+//! Checks of a machine, in the order of its file.
+
+use super::spec::{CacheSpec, CoreSpec, MachineSpec, MemorySpec, RingSpec};
+use super::{CacheConfig, MachineConfig};
+use std::fmt::Display;
+
+/// A number that no machine can have.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("`{path}` is {found}; it must be {expected}")]
+pub struct ConfigError {
+    /// JSON path from the machine's root, such as `l2.capacity_bytes`.
+    pub path: String,
+    /// What stands there.
+    pub found: String,
+    /// What would be right.
+    pub expected: String,
+}
+
+/// Fixed-point unit of times that are fractions of a cycle.
+const FRACTION: f64 = 256.0;
+const LINE_BYTES: u64 = lrbsim_isa::arena::LINE_BYTES;
+
+fn error<T>(path: &str, found: impl Display, expected: impl Display) -> Result<T, ConfigError> {
+    Err(ConfigError { path: path.to_owned(), found: found.to_string(), expected: expected.to_string() })
+}
+
+/// `value` when it lies in `[least, most]`.
+fn range(path: &str, value: u32, least: u32, most: u32) -> Result<u32, ConfigError> {
+    if value < least || value > most {
+        return error(path, value, format_args!("from {least} to {most}"));
+    }
+    Ok(value)
+}
+
+/// `value` when it is a number in `(0, most]`.
+fn positive(path: &str, value: f64, most: f64) -> Result<f64, ConfigError> {
+    if !(value > 0.0 && value <= most) {
+        return error(path, value, format_args!("greater than 0 and at most {most}"));
+    }
+    Ok(value)
+}
+
+/// A latency: 1 to 10 000 cycles.
+fn latency(path: &str, value: u32) -> Result<u64, ConfigError> {
+    range(path, value, 1, 10_000).map(u64::from)
+}
+
+/// A time of the memory in whole cycles, rounded up.
+fn cycles_of_ns(path: &str, ns: f64, clock_ghz: f64) -> Result<u64, ConfigError> {
+    Ok((positive(path, ns, 100_000.0)? * clock_ghz).ceil() as u64)
+}
+
+fn cache(at: &str, config: &CacheConfig) -> Result<CacheSpec, ConfigError> {
+    let path = |field: &str| format!("{at}.{field}");
+    let ways = range(&path("ways"), config.ways, 1, 16)?;
+    let set_bytes = LINE_BYTES * u64::from(ways);
+    let bytes = config.capacity_bytes;
+    if bytes == 0 || !bytes.is_multiple_of(set_bytes) || bytes > 1 << 30 {
+        return error(
+            &path("capacity_bytes"),
+            bytes,
+            format_args!(
+                "a multiple of {set_bytes} ({ways} ways of {LINE_BYTES} bytes), at least {set_bytes}"
+            ),
+        );
+    }
+    Ok(CacheSpec {
+        sets: (bytes / set_bytes) as u32,
+        ways,
+        hit_cycles: latency(&path("hit_cycles"), config.hit_cycles)?,
+        mshrs: range(&path("mshrs"), config.mshrs, 1, 1024)?,
+    })
+}
+
+pub(super) fn validate(config: &MachineConfig) -> Result<MachineSpec, ConfigError> {
+    let clock_ghz = positive("clock_ghz", config.clock_ghz, 100.0)?;
+    let cores = range("cores", config.cores, 1, 4096)?;
+    let threads_per_core = range("threads_per_core", config.threads_per_core, 1, 16)?;
+
+    // The core.
+    let gather_lines = positive("core.gather_lines_per_cycle", config.core.gather_lines_per_cycle, 16.0)?;
+    if gather_lines < 0.01 {
+        return error("core.gather_lines_per_cycle", gather_lines, "at least 0.01");
+    }
+    let at = &config.core.latency_cycles;
+    let core = CoreSpec {
+        dual_issue: config.core.dual_issue,
+        blocks_on_l1_miss: config.core.blocks_on_l1_miss,
+        issue_interval: latency(
+            "core.thread_issue_interval_cycles",
+            config.core.thread_issue_interval_cycles,
+        )?,
+        gather_interval_x256: (FRACTION / gather_lines).round() as u64,
+        gather_overhead: u64::from(range(
+            "core.gather_overhead_cycles",
+            config.core.gather_overhead_cycles,
+            0,
+            1000,
+        )?),
+        vector_alu: latency("core.latency_cycles.vector_alu", at.vector_alu)?,
+        vector_mul: latency("core.latency_cycles.vector_mul", at.vector_mul)?,
+        vector_fma: latency("core.latency_cycles.vector_fma", at.vector_fma)?,
+        vector_math: latency("core.latency_cycles.vector_math", at.vector_math)?,
+        vector_convert: latency("core.latency_cycles.vector_convert", at.vector_convert)?,
+        vector_shuffle: latency("core.latency_cycles.vector_shuffle", at.vector_shuffle)?,
+        mask: latency("core.latency_cycles.mask", at.mask)?,
+        scalar_alu: latency("core.latency_cycles.scalar_alu", at.scalar_alu)?,
+        scalar_mul: latency("core.latency_cycles.scalar_mul", at.scalar_mul)?,
+        branch: latency("core.latency_cycles.branch", at.branch)?,
+    };
+
+    // The caches.
+    let l1d = cache("l1d", &config.l1d)?;
+    let l2 = cache("l2", &config.l2)?;
+    if l2.hit_cycles <= l1d.hit_cycles {
+        return error(
+            "l2.hit_cycles",
+            l2.hit_cycles,
+            format_args!("greater than l1d.hit_cycles, {}", l1d.hit_cycles),
+        );
+    }
+    if config.l2.capacity_bytes < config.l1d.capacity_bytes {
+        return error(
+            "l2.capacity_bytes",
+            config.l2.capacity_bytes,
+            format_args!("at least l1d.capacity_bytes, {}: the L2 is inclusive", config.l1d.capacity_bytes),
+        );
+    }
+
+    // The ring and what stands at its stops.
+    let cores_per_ring = range("ring.cores_per_ring", config.ring.cores_per_ring, 1, 4096)?;
+    let bytes_per_cycle = range("ring.bytes_per_cycle", config.ring.bytes_per_cycle, 1, 4096)?;
+    let ring = RingSpec {
+        rings: cores.div_ceil(cores_per_ring),
+        line_slots: (LINE_BYTES as u32).div_ceil(bytes_per_cycle),
+        hop_cycles: u64::from(range("ring.hop_cycles", config.ring.hop_cycles, 1, 64)?),
+        crossing_cycles: u64::from(range("ring.crossing_cycles", config.ring.crossing_cycles, 1, 64)?),
+        free: config.ideal.ring,
+    };
+    let directory_lookup = latency("directory.lookup_cycles", config.directory.lookup_cycles)?;
+    let directory_interval = latency("directory.interval_cycles", config.directory.interval_cycles)?;
+
+    // The memory.
+    let controllers = range("memory.controllers", config.memory.controllers, 1, 1024)?;
+    let bandwidth = positive("memory.bandwidth_gb_per_s", config.memory.bandwidth_gb_per_s, 1e6)?;
+    let line_interval = LINE_BYTES as f64 * clock_ghz * f64::from(controllers) / bandwidth;
+    if line_interval > 1e6 {
+        return error("memory.bandwidth_gb_per_s", bandwidth, "enough for one line in 10⁶ cycles");
+    }
+    let row_bytes = u64::from(config.memory.row_bytes);
+    if row_bytes == 0 || !row_bytes.is_multiple_of(LINE_BYTES) {
+        return error("memory.row_bytes", row_bytes, format_args!("a multiple of {LINE_BYTES}"));
+    }
+    let row_miss_cycles = cycles_of_ns("memory.latency_ns", config.memory.latency_ns, clock_ghz)?;
+    let row_hit_cycles =
+        cycles_of_ns("memory.row_hit_latency_ns", config.memory.row_hit_latency_ns, clock_ghz)?;
+    if row_hit_cycles > row_miss_cycles {
+        return error(
+            "memory.row_hit_latency_ns",
+            config.memory.row_hit_latency_ns,
+            format_args!("at most memory.latency_ns, {}", config.memory.latency_ns),
+        );
+    }
+    let memory = MemorySpec {
+        controllers,
+        line_interval_x256: ((line_interval * FRACTION).round() as u64).max(1),
+        row_miss_cycles,
+        row_hit_cycles,
+        row_cycle_cycles: cycles_of_ns("memory.row_cycle_ns", config.memory.row_cycle_ns, clock_ghz)?,
+        banks: range("memory.banks", config.memory.banks, 1, 1024)?,
+        row_lines: (row_bytes / LINE_BYTES) as u32,
+    };
+
+    Ok(MachineSpec {
+        clock_ghz,
+        cores,
+        threads_per_core,
+        core,
+        l1d,
+        l2,
+        ring,
+        directory_lookup,
+        directory_interval,
+        memory,
+        atomic_cycles: latency("atomic.latency_cycles", config.atomic.latency_cycles)?,
+        barrier_round: u64::from(range(
+            "barrier.round_overhead_cycles",
+            config.barrier.round_overhead_cycles,
+            0,
+            10_000,
+        )?),
+        chunk_tasks_max: range("scheduler.chunk_tasks_max", config.scheduler.chunk_tasks_max, 1, 1024)?,
+        dispatch_cycles: u64::from(range(
+            "scheduler.dispatch_cycles",
+            config.scheduler.dispatch_cycles,
+            0,
+            10_000,
+        )?),
+        ideal: config.ideal,
+    })
+}

@@ -1,0 +1,35 @@
+//! Timing of uop streams on a Larrabee-style many-core chip.
+//!
+//! ```text
+//!        tasks ──► scheduler ──► hardware threads ─┐
+//!                                                  ▼
+//!                core: issue, scoreboard ──► L1D ──► L2 ──► ring ──► home: directory ──► memory controller
+//!                                                            ▲              │
+//!                                                            └── other L2s ◄┘
+//! ```
+//!
+//! [`Chip::run_step`] takes the tasks of a step and returns what they cost. Function and timing are apart: streams say
+//! which lines a task touches and which uops need which results, never what is in them.
+
+mod cache;
+pub mod chip;
+pub mod coherence;
+pub mod config;
+mod core;
+pub mod counters;
+pub mod fidelity;
+mod memory;
+mod occupancy;
+mod ring;
+mod scheduler;
+
+#[cfg(test)]
+mod streams;
+
+pub use chip::{Chip, CoreActivity};
+pub use config::{ConfigError, MachineConfig, MachineSpec, builtin_machine, builtin_machine_names};
+pub use counters::{Cause, CycleStack, PhaseCounters, StepReport};
+pub use fidelity::{Fidelity, FidelityError};
+
+/// A time or a number of core cycles.
+pub type Cycle = u64;
