@@ -1,18 +1,22 @@
 //! Pinhole cameras.
 
 use glam::DVec3;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// A pinhole camera as in a scene file. Right-handed; pixel rows run downwards.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Camera {
     /// Position of the eye, world units.
+    #[schemars(with = "[f64; 3]")]
     pub eye: DVec3,
     /// Point in the middle of the picture; not equal to `eye`.
+    #[schemars(with = "[f64; 3]")]
     pub target: DVec3,
     /// Direction that points up in the picture; not parallel to the view. `[0, 1, 0]` if left out.
     #[serde(default = "y_axis")]
+    #[schemars(with = "[f64; 3]")]
     pub up: DVec3,
     /// Angle between the lowest and the highest ray, in degrees, in (0, 180).
     pub fov_y_degrees: f64,
@@ -23,7 +27,7 @@ fn y_axis() -> DVec3 {
 }
 
 /// Picture size in pixels, each side in 1..=16384.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ImageSize {
     /// Columns.

@@ -1,15 +1,17 @@
 //! Light sources.
 
 use glam::DVec3;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// An area light, in world units. A directional light is a far one.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
 pub enum Light {
     /// Seen from any receiver as the disc of `radius` through `center` that faces the receiver [algorithms, §0].
     Sphere {
         /// Middle of the light.
+        #[schemars(with = "[f64; 3]")]
         center: DVec3,
         /// 0 or more; 0 gives hard shadows.
         radius: f64,
@@ -17,8 +19,10 @@ pub enum Light {
     /// A disc that does not turn; shines to both sides.
     Disc {
         /// Middle of the light.
+        #[schemars(with = "[f64; 3]")]
         center: DVec3,
         /// Across the disc, any length but 0.
+        #[schemars(with = "[f64; 3]")]
         normal: DVec3,
         /// 0 or more.
         radius: f64,
@@ -26,22 +30,28 @@ pub enum Light {
     /// The parallelogram `center + s half_u + t half_v`, s and t in [-1, 1].
     Rect {
         /// Middle of the light.
+        #[schemars(with = "[f64; 3]")]
         center: DVec3,
         /// Half of one side.
+        #[schemars(with = "[f64; 3]")]
         half_u: DVec3,
         /// Half of the other side.
+        #[schemars(with = "[f64; 3]")]
         half_v: DVec3,
     },
     /// The straight line from `p0` to `p1`.
     Linear {
         /// One end.
+        #[schemars(with = "[f64; 3]")]
         p0: DVec3,
         /// The other end.
+        #[schemars(with = "[f64; 3]")]
         p1: DVec3,
     },
     /// A point: hard shadows.
     Point {
         /// Where it is.
+        #[schemars(with = "[f64; 3]")]
         center: DVec3,
     },
 }

@@ -15,22 +15,31 @@ const TO_LIGHT: DVec3 = DVec3::new(0.55, 1.0, 0.45);
 /// A ground lies in this lowest part of the scene's height.
 const GROUND_PART: f64 = 0.35;
 
-/// The whole scene from above its front, the light higher and nearer to the front.
+/// Part of a landscape's width and depth that must be in the picture; the rest may reach past its sides.
+const LANDSCAPE_PART: f64 = 0.5;
+
+/// The whole scene from above its front, the light higher and nearer to the front. Of a landscape, a scene on a ground
+/// of its own, the middle: its ground then fills the picture.
 pub fn fit(subject: &Subject) -> Fitted {
     let (bounds, diagonal) = (subject.bounds, subject.diagonal);
     let center = bounds.center();
+    let landscape = has_ground(subject);
+    let part = if landscape { LANDSCAPE_PART } else { 1.0 };
     let mut camera = Camera {
         eye: center + TO_EYE.normalize() * diagonal,
         target: center,
         up: DVec3::Y,
         fov_y_degrees: FOV_Y_DEGREES,
     };
-    // Go back until the eight corners are in the picture.
+    // Go back until the eight corners of that part are in the picture.
     let axes = camera.axes(IMAGE);
     let (right, up) = (axes.right.length(), axes.up.length());
     let mut distance: f64 = diagonal * 0.1;
     for k in 0..8 {
-        let pick = |axis: usize| f64::from(k >> axis & 1);
+        let pick = |axis: usize| {
+            let side = f64::from(k >> axis & 1);
+            if axis == 1 { side } else { 0.5 + (side - 0.5) * part }
+        };
         let from_center = subject.point(DVec3::new(pick(0), pick(1), pick(2))) - center;
         let across = from_center.dot(axes.right / right).abs() / right;
         let above = from_center.dot(axes.up / up).abs() / up;
@@ -39,7 +48,7 @@ pub fn fit(subject: &Subject) -> Fitted {
     camera.eye = center - axes.forward * distance;
     let light =
         Light::Sphere { center: center + TO_LIGHT.normalize() * diagonal, radius: diagonal * LIGHT_RADIUS };
-    Fitted { camera, light, info: FitInfo { interior: false, floor_added: !has_ground(subject) } }
+    Fitted { camera, light, info: FitInfo { interior: false, floor_added: !landscape } }
 }
 
 /// Whether the scene stands on a ground of its own: something low is under nearly all of it, and can be seen from

@@ -2,13 +2,14 @@
 
 use core::fmt;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::camera::{Camera, ImageSize};
 use crate::light::Light;
 
 /// A scene as in `configs/scenes/*.json`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SceneFile {
     /// The triangles.
@@ -22,7 +23,7 @@ pub struct SceneFile {
 }
 
 /// Where triangles come from: `"PATH.obj"` or `{"procedural": NAME, …}`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(
     untagged,
     expecting = "a mesh is the path of an OBJ file, or {\"procedural\": NAME, \"seed\": N, \"detail\": N}"
@@ -35,7 +36,7 @@ pub enum MeshSource {
 }
 
 /// A mesh made by code.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Procedural {
     /// Name of the generator.
