@@ -1,0 +1,197 @@
+//! Result files: staged under a temporary name and renamed, so that nobody ever reads half a file.
+
+use std::fs;
+use std::io::{self, Write as _};
+use std::path::{Path, PathBuf};
+
+/// Why results could not be written.
+#[derive(Debug, thiserror::Error)]
+#[error("{action} {}: {source}", path.display())]
+pub struct FileError {
+    /// What was tried: `cannot create`, `cannot write`, …
+    pub action: &'static str,
+    /// The file or folder.
+    pub path: PathBuf,
+    /// What the operating system said.
+    pub source: io::Error,
+}
+
+impl FileError {
+    fn new(action: &'static str, path: &Path, source: io::Error) -> FileError {
+        FileError { action, path: path.to_owned(), source }
+    }
+}
+
+/// Writes `bytes` to `path`: to a temporary name beside it first, then renamed.
+pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
+    let mut name = std::ffi::OsString::from(".");
+    name.push(path.file_name().unwrap_or_default());
+    name.push(format!(".partial-{}", std::process::id()));
+    let temporary = path.with_file_name(name);
+    let written = write_whole(&temporary, bytes).and_then(|()| fs::rename(&temporary, path));
+    written.map_err(|error| {
+        // The first error is the one to tell; a leftover is removed as well as can be.
+        let _ = fs::remove_file(&temporary);
+        FileError::new("cannot write", path, error)
+    })
+}
+
+fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let mut file = fs::File::create(path)?;
+    file.write_all(bytes)?;
+    file.sync_all()
+}
+
+/// A folder of results that appear together.
+///
+/// [`ResultDir::open`] proves at once that the folder can be written, before a long run. Files go to a staging folder inside
+/// it and [`ResultDir::commit`] renames them into place. Dropped without `commit`, it leaves nothing behind.
+#[derive(Debug)]
+pub struct ResultDir {
+    target: PathBuf,
+    staging: PathBuf,
+    /// The folders that this value created, innermost first: removed again when nothing is committed.
+    created: Vec<PathBuf>,
+    names: Vec<String>,
+}
+
+impl ResultDir {
+    /// Opens `target` for results, creating it and its parents when they are missing.
+    pub fn open(target: &Path) -> Result<ResultDir, FileError> {
+        let created: Vec<PathBuf> = target
+            .ancestors()
+            .take_while(|folder| !folder.as_os_str().is_empty() && !folder.exists())
+            .map(Path::to_owned)
+            .collect();
+        let staging = target.join(format!(".partial-{}", std::process::id()));
+        // Built first, so that a failure half way removes what was created.
+        let dir = ResultDir { target: target.to_owned(), staging, created, names: Vec::new() };
+        fs::create_dir_all(&dir.target)
+            .map_err(|error| FileError::new("cannot create", &dir.target, error))?;
+        fs::create_dir_all(&dir.staging)
+            .and_then(|()| write_whole(&dir.staging.join("probe"), b""))
+            .and_then(|()| fs::remove_file(dir.staging.join("probe")))
+            .map_err(|error| FileError::new("cannot write to", &dir.target, error))?;
+        Ok(dir)
+    }
+
+    /// Stages one file; `name` may not contain a separator.
+    pub fn stage(&mut self, name: &str, bytes: &[u8]) -> Result<(), FileError> {
+        let path = self.staging.join(name);
+        write_whole(&path, bytes)
+            .map_err(|error| FileError::new("cannot write", &self.target.join(name), error))?;
+        self.names.push(name.to_owned());
+        Ok(())
+    }
+
+    /// Moves all staged files into place, in the order they were staged, and tells their paths.
+    ///
+    /// Files named in `family` that were not staged are removed: they are left from an earlier run and would be taken for
+    /// results of this one.
+    pub fn commit(mut self, family: &[&str]) -> Result<Vec<PathBuf>, FileError> {
+        for stale in family.iter().filter(|name| !self.names.iter().any(|staged| staged == *name)) {
+            let path = self.target.join(stale);
+            match fs::remove_file(&path) {
+                Err(error) if error.kind() != io::ErrorKind::NotFound => {
+                    return Err(FileError::new("cannot remove", &path, error));
+                }
+                _ => {}
+            }
+        }
+        let mut paths = Vec::new();
+        for name in &self.names {
+            let to = self.target.join(name);
+            fs::rename(self.staging.join(name), &to)
+                .map_err(|error| FileError::new("cannot write", &to, error))?;
+            paths.push(to);
+        }
+        self.created.clear();
+        Ok(paths)
+    }
+}
+
+impl Drop for ResultDir {
+    fn drop(&mut self) {
+        // Best effort: an error here would hide the one that led here.
+        let _ = fs::remove_dir_all(&self.staging);
+        for folder in &self.created {
+            let _ = fs::remove_dir(folder);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn listing(folder: &Path) -> Vec<String> {
+        let mut names: Vec<String> = fs::read_dir(folder)
+            .expect("the folder exists")
+            .map(|entry| entry.expect("readable").file_name().to_string_lossy().into_owned())
+            .collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn committed_files_appear_and_nothing_else() {
+        let root = tempfile::tempdir().expect("a temporary folder");
+        let target = root.path().join("a/b");
+        let mut dir = ResultDir::open(&target).expect("writable");
+        dir.stage("one", b"1").expect("writable");
+        dir.stage("two", b"2").expect("writable");
+        assert_eq!(dir.commit(&[]).expect("renamed"), [target.join("one"), target.join("two")]);
+        assert_eq!(listing(&target), ["one", "two"]);
+    }
+
+    #[test]
+    fn leftovers_of_an_earlier_run_are_removed() {
+        let root = tempfile::tempdir().expect("a temporary folder");
+        for name in ["dump", "notes"] {
+            fs::write(root.path().join(name), b"old").expect("writable");
+        }
+        let mut dir = ResultDir::open(root.path()).expect("writable");
+        dir.stage("one", b"1").expect("writable");
+        dir.commit(&["one", "dump", "absent"]).expect("renamed");
+        assert_eq!(listing(root.path()), ["notes", "one"]);
+    }
+
+    #[test]
+    fn without_commit_nothing_stays() {
+        let root = tempfile::tempdir().expect("a temporary folder");
+        let mut dir = ResultDir::open(&root.path().join("a/b")).expect("writable");
+        dir.stage("one", b"1").expect("writable");
+        drop(dir);
+        assert!(listing(root.path()).is_empty());
+    }
+
+    #[test]
+    fn without_commit_older_results_stay() {
+        let root = tempfile::tempdir().expect("a temporary folder");
+        fs::write(root.path().join("one"), b"old").expect("writable");
+        let mut dir = ResultDir::open(root.path()).expect("writable");
+        dir.stage("one", b"new").expect("writable");
+        drop(dir);
+        assert_eq!(fs::read(root.path().join("one")).expect("readable"), b"old");
+        assert_eq!(listing(root.path()), ["one"]);
+    }
+
+    #[test]
+    fn a_folder_below_a_file_is_refused_when_it_is_opened() {
+        let root = tempfile::tempdir().expect("a temporary folder");
+        let file = root.path().join("file");
+        fs::write(&file, b"").expect("writable");
+        let error = ResultDir::open(&file.join("out")).expect_err("a file has no folders");
+        assert!(error.to_string().starts_with("cannot create"), "{error}");
+    }
+
+    #[test]
+    fn a_file_is_replaced_whole_and_no_temporary_name_stays() {
+        let root = tempfile::tempdir().expect("a temporary folder");
+        let path = root.path().join("x.json");
+        write_atomically(&path, b"first and longer").expect("writable");
+        write_atomically(&path, b"second").expect("writable");
+        assert_eq!(fs::read(&path).expect("readable"), b"second");
+        assert_eq!(listing(root.path()), ["x.json"]);
+    }
+}

@@ -1,0 +1,131 @@
+//! Pictures of a frame, and the number that names one.
+
+use std::io::Cursor;
+
+use sha2::{Digest as _, Sha256};
+
+/// The one NaN that stands for "nothing was hit" when values are hashed or dumped.
+pub const NOTHING_HIT: f32 = f32::from_bits(0x7fc0_0000);
+
+/// Linear light of a surface that the lamp does not reach.
+const AMBIENT: f32 = 0.10;
+
+/// Linear light of a lit surface that faces the lamp: below white, so that bright walls still show their shapes.
+const FULL: f32 = 0.80;
+
+/// Linear gray where nothing was hit, at the bottom and at the top of the picture.
+const BACKGROUND: [[f32; 3]; 2] = [[0.10, 0.11, 0.13], [0.22, 0.25, 0.30]];
+
+/// SHA-256, in hexadecimal, of visibility values as little-endian f32 with one NaN for "nothing was hit".
+///
+/// ```
+/// let hash = lrbsim_reports::picture::sha256_of_visibility(&[1.0, f32::NAN]);
+/// assert_eq!(hash, lrbsim_reports::picture::sha256_of_visibility(&[1.0, -f32::NAN]));
+/// ```
+pub fn sha256_of_visibility(values: &[f32]) -> String {
+    let mut hasher = Sha256::new();
+    for value in values {
+        hasher.update(canonical(*value).to_le_bytes());
+    }
+    hex(&hasher.finalize())
+}
+
+/// SHA-256 of bytes, in hexadecimal.
+pub fn sha256(bytes: &[u8]) -> String {
+    hex(&Sha256::digest(bytes))
+}
+
+fn hex(digest: &[u8]) -> String {
+    digest.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// `value`, or the one NaN.
+pub(crate) fn canonical(value: f32) -> f32 {
+    if value.is_nan() { NOTHING_HIT } else { value }
+}
+
+/// A frame as a viewer sees it: visibility of the light times the cosine at the surface, and a background.
+///
+/// Row-major from the top left; `visibility` is NaN where nothing was hit; `cosine` is between the surface's normal and the
+/// direction to the light's center, in [-1, 1].
+///
+/// # Panics
+/// When a slice has not `width * height` values.
+pub fn shaded_png(width: u32, height: u32, visibility: &[f32], cosine: &[f32]) -> Vec<u8> {
+    assert_eq!((visibility.len(), cosine.len()), (pixels(width, height), pixels(width, height)));
+    let mut rgb = Vec::with_capacity(3 * visibility.len());
+    for (index, (lit, cosine)) in visibility.iter().zip(cosine).enumerate() {
+        if lit.is_nan() {
+            let row = index / width as usize;
+            let up = 1.0 - row as f32 / height.max(2) as f32;
+            rgb.extend((0..3).map(|c| encode(BACKGROUND[0][c] * (1.0 - up) + BACKGROUND[1][c] * up)));
+        } else {
+            // Half of the ambient light depends on the surface too, so that shapes show inside an umbra.
+            let facing = cosine.max(0.0);
+            let ambient = AMBIENT * (0.75 + 0.25 * cosine);
+            let gray = encode(ambient + (FULL - AMBIENT) * lit.clamp(0.0, 1.0) * facing);
+            rgb.extend([gray, gray, gray]);
+        }
+    }
+    png(width, height, &rgb, image::ExtendedColorType::Rgb8)
+}
+
+/// Visibility alone, linear: 0 umbra is black, 1 lit is white; black where nothing was hit.
+///
+/// # Panics
+/// When the slice has not `width * height` values.
+pub fn visibility_png(width: u32, height: u32, visibility: &[f32]) -> Vec<u8> {
+    assert_eq!(visibility.len(), pixels(width, height));
+    let gray: Vec<u8> =
+        visibility.iter().map(|value| quantize(if value.is_nan() { 0.0 } else { *value })).collect();
+    png(width, height, &gray, image::ExtendedColorType::L8)
+}
+
+fn pixels(width: u32, height: u32) -> usize {
+    width as usize * height as usize
+}
+
+/// sRGB code of a linear value. The square root stands in for the curve: exactly defined on every host.
+fn encode(linear: f32) -> u8 {
+    quantize(linear.max(0.0).sqrt())
+}
+
+fn quantize(value: f32) -> u8 {
+    // A float-to-integer cast saturates.
+    (value * 255.0 + 0.5) as u8
+}
+
+fn png(width: u32, height: u32, bytes: &[u8], color: image::ExtendedColorType) -> Vec<u8> {
+    let mut file = Cursor::new(Vec::new());
+    image::write_buffer_with_format(&mut file, bytes, width, height, color, image::ImageFormat::Png)
+        .expect("a buffer of the right size is encoded into memory");
+    file.into_inner()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_hash_of_visibility_is_that_of_its_little_endian_bytes() {
+        let bytes: Vec<u8> =
+            [0x3f80_0000_u32, 0x7fc0_0000].iter().flat_map(|bits| bits.to_le_bytes()).collect();
+        assert_eq!(sha256_of_visibility(&[1.0, f32::NAN]), sha256(&bytes));
+    }
+
+    #[test]
+    fn a_penumbra_lies_between_light_and_umbra() {
+        let bytes = shaded_png(4, 1, &[0.0, 0.5, 1.0, f32::NAN], &[1.0; 4]);
+        let picture = image::load_from_memory(&bytes).expect("a PNG").to_rgb8();
+        let gray: Vec<u8> = (0..3).map(|x| picture.get_pixel(x, 0)[0]).collect();
+        assert!(gray[0] < gray[1] && gray[1] < gray[2], "{gray:?}");
+        assert!(gray[0] > 0, "an umbra still shows shapes");
+        assert_ne!(picture.get_pixel(3, 0)[0], picture.get_pixel(3, 0)[2], "the background is not gray");
+    }
+
+    #[test]
+    fn pure_visibility_is_linear() {
+        let bytes = visibility_png(4, 1, &[0.0, 0.5, 1.0, f32::NAN]);
+        assert_eq!(image::load_from_memory(&bytes).expect("a PNG").to_luma8().into_raw(), [0, 128, 255, 0]);
+    }
+}

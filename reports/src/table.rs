@@ -1,0 +1,261 @@
+//! A report as terminal text, laid out as Table 2 of Johnson et al. 2009 with the machine's side beside it.
+
+use std::fmt::Write as _;
+
+use lrbsim_machine::Cause;
+
+use crate::run::{PhaseReport, RunReport, hit_rate};
+
+/// Columns of text at most, so that a table fits a common terminal.
+pub const WIDTH_MAX: usize = 120;
+
+/// Causes of the cycle stack that are named per row, at most.
+const CAUSES_MAX: usize = 3;
+
+/// A cause of the cycle stack is named from this part of a phase's core-cycles on.
+const CAUSE_PART_MIN: f64 = 0.03;
+
+/// The table of a run, at most [`WIDTH_MAX`] columns wide.
+pub fn render(report: &RunReport) -> String {
+    let mut text = String::new();
+    heading(&mut text, report);
+    text.push('\n');
+
+    let timed = report.total.cycles.is_some();
+    let mut rows = vec![header(timed)];
+    rows.extend(report.phases.iter().map(|phase| row(phase, timed)));
+    let phase_rows = rows.len();
+    rows.extend(totals(report, timed));
+    lay_out(&mut text, &rows, phase_rows);
+
+    if report.phases.iter().any(|phase| !phase.in_paper_total) {
+        text.push_str("\n* not in the paper's total, which leaves out the costs of these phases\n");
+    }
+    if !timed {
+        text.push_str("\nfunctional: nothing is timed\n");
+    }
+    text
+}
+
+/// Which scene, machine, algorithm and fidelity.
+fn heading(text: &mut String, report: &RunReport) {
+    let machine = &report.machine;
+    let scene = &report.scene;
+    let cores = if machine.cores == 1 { "core" } else { "cores" };
+    let _ = write!(
+        text,
+        "{} on {} ({} {cores} at {} GHz), {}, {}\n{} x {} pixels, {} receivers, {} triangles, {} silhouette edges\n",
+        scene.name,
+        machine.name,
+        machine.cores,
+        machine.clock_ghz,
+        report.provenance.algorithm,
+        report.provenance.fidelity,
+        scene.width,
+        scene.height,
+        grouped(scene.receivers),
+        grouped(scene.triangles),
+        grouped(scene.silhouette_edges)
+    );
+}
+
+type Row = Vec<String>;
+
+fn header(timed: bool) -> Row {
+    let titles: &[&str] = if timed {
+        &["phase", "ms", "share", "Minstr", "IPC", "lanes", "L1", "L2", "waits for"]
+    } else {
+        &["phase", "Minstr", "lanes"]
+    };
+    titles.iter().map(|title| (*title).to_owned()).collect()
+}
+
+fn row(phase: &PhaseReport, timed: bool) -> Row {
+    let title = format!("{}{}", phase.title, if phase.in_paper_total { "" } else { " *" });
+    let instructions = millions(phase.instructions.total);
+    let lanes = percent(phase.lanes.active_fraction());
+    if !timed {
+        return vec![title, instructions, lanes];
+    }
+    vec![
+        title,
+        number(phase.ms, 3),
+        percent_fine(phase.share),
+        instructions,
+        number(phase.ipc, 2),
+        lanes,
+        percent(phase.l1d.as_ref().and_then(hit_rate)),
+        percent(phase.l2.as_ref().and_then(hit_rate)),
+        waits(phase),
+    ]
+}
+
+/// The causes that core-cycles without an instruction were lost to, the greatest first.
+fn waits(phase: &PhaseReport) -> String {
+    let Some(stack) = &phase.cycle_stack else { return String::new() };
+    let all = stack.total();
+    let mut causes: Vec<(Cause, f64)> = stack
+        .iter()
+        .filter(|(cause, cycles)| *cause != Cause::Issue && *cycles > 0)
+        .map(|(cause, cycles)| (cause, cycles as f64 / all as f64))
+        .filter(|(_, part)| *part >= CAUSE_PART_MIN)
+        .collect();
+    // Equal parts stay in the order of the stack.
+    causes.sort_by(|a, b| b.1.total_cmp(&a.1));
+    causes.truncate(CAUSES_MAX);
+    let named: Vec<String> =
+        causes.iter().map(|(cause, part)| format!("{} {:.0}%", label(*cause), part * 100.0)).collect();
+    if named.is_empty() { "-".to_owned() } else { named.join(", ") }
+}
+
+/// A cause as people read it.
+fn label(cause: Cause) -> &'static str {
+    match cause {
+        Cause::L1 => "L1",
+        Cause::L2 => "L2",
+        Cause::GatherLines => "gather lines",
+        Cause::Issue
+        | Cause::Dependency
+        | Cause::Remote
+        | Cause::Ring
+        | Cause::Memory
+        | Cause::Atomic
+        | Cause::Queue
+        | Cause::Barrier => cause.name(),
+    }
+}
+
+fn totals(report: &RunReport, timed: bool) -> Vec<Row> {
+    let total = &report.total;
+    let instructions = millions(report.phases.iter().map(|phase| phase.instructions.total).sum());
+    if !timed {
+        return vec![vec!["total".to_owned(), instructions]];
+    }
+    let line = |title: &str, ms: Option<f64>, share: &str, instructions: String, fps: Option<f64>| {
+        let mut row = vec![title.to_owned(), number(ms, 3), share.to_owned(), instructions];
+        row.extend([const { String::new() }; 4]);
+        row.push(fps.map_or(String::new(), |fps| format!("{fps:.1} fps")));
+        row
+    };
+    let paper_instructions =
+        report.phases.iter().filter(|phase| phase.in_paper_total).map(|phase| phase.instructions.total).sum();
+    let paper_share =
+        percent_fine(total.ms.filter(|ms| *ms > 0.0).zip(total.paper_ms).map(|(all, paper)| paper / all));
+    vec![
+        line("total", total.ms, &percent_fine(Some(1.0)), instructions, total.fps),
+        line("paper's total", total.paper_ms, &paper_share, millions(paper_instructions), total.paper_fps),
+    ]
+}
+
+/// Aligns columns: the first and the last to the left, numbers to the right; a rule below the header and above the totals.
+fn lay_out(text: &mut String, rows: &[Row], phase_rows: usize) {
+    let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
+    let widths: Vec<usize> = (0..columns)
+        .map(|c| rows.iter().filter_map(|row| row.get(c)).map(|s| s.chars().count()).max().unwrap_or(0))
+        .collect();
+    let width = (widths.iter().sum::<usize>() + 2 * columns.saturating_sub(1)).min(WIDTH_MAX);
+    let last_is_text = columns > 3;
+    for (index, row) in rows.iter().enumerate() {
+        if index == 1 || index == phase_rows {
+            text.push_str(&"-".repeat(width));
+            text.push('\n');
+        }
+        let mut line = String::new();
+        for (column, cell) in row.iter().enumerate() {
+            if column > 0 {
+                line.push_str("  ");
+            }
+            let pad = " ".repeat(widths[column] - cell.chars().count());
+            if column == 0 || (last_is_text && column + 1 == columns) {
+                line.push_str(cell);
+                line.push_str(&pad);
+            } else {
+                line.push_str(&pad);
+                line.push_str(cell);
+            }
+        }
+        // A title of unforeseen length may not break the layout of a terminal.
+        let line: String = line.trim_end().chars().take(WIDTH_MAX).collect();
+        text.push_str(&line);
+        text.push('\n');
+    }
+}
+
+fn number(value: Option<f64>, decimals: usize) -> String {
+    value.map_or_else(|| "-".to_owned(), |value| format!("{value:.decimals$}"))
+}
+
+fn percent(part: Option<f64>) -> String {
+    part.map_or_else(|| "-".to_owned(), |part| format!("{:.0}%", part * 100.0))
+}
+
+fn percent_fine(part: Option<f64>) -> String {
+    part.map_or_else(|| "-".to_owned(), |part| format!("{:.1}%", part * 100.0))
+}
+
+fn millions(count: u64) -> String {
+    format!("{:.2}", count as f64 / 1e6)
+}
+
+/// `1234567` as `1 234 567`.
+pub fn grouped(count: u64) -> String {
+    let digits = count.to_string();
+    let mut text = String::new();
+    for (index, digit) in digits.chars().enumerate() {
+        if index > 0 && (digits.len() - index).is_multiple_of(3) {
+            text.push(' ');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{golden, sample};
+
+    #[test]
+    fn the_table_of_a_timed_run_does_not_change_unnoticed() {
+        golden::check("table.txt", &render(&sample::timed()));
+    }
+
+    #[test]
+    fn the_table_of_a_functional_run_does_not_change_unnoticed() {
+        golden::check("table_functional.txt", &render(&sample::functional()));
+    }
+
+    #[test]
+    fn no_line_is_wider_than_a_terminal() {
+        let mut report = sample::timed();
+        for phase in &mut report.phases {
+            phase.ms = Some(123_456.789);
+            phase.instructions.total = 99_999_990_000;
+            phase.cycle_stack = Some(lrbsim_machine::CycleStack {
+                gather_lines: 100,
+                dependency: 100,
+                barrier: 100,
+                ..Default::default()
+            });
+        }
+        for line in render(&report).lines() {
+            assert!(line.chars().count() <= WIDTH_MAX, "{line}");
+        }
+    }
+
+    #[test]
+    fn an_empty_frame_has_a_table() {
+        let mut report = sample::timed();
+        report.phases.clear();
+        report.total = crate::run::Total::of_phases(&[], 1.0);
+        assert!(render(&report).contains("total"));
+    }
+
+    #[test]
+    fn digits_are_grouped_by_thousands() {
+        assert_eq!(
+            (grouped(12), grouped(123), grouped(1234), grouped(1_234_567)),
+            ("12".to_owned(), "123".to_owned(), "1 234".to_owned(), "1 234 567".to_owned())
+        );
+    }
+}

@@ -1,0 +1,87 @@
+//! Commands and their options. What they do stands in the library; here is only how it is asked for and shown.
+
+mod machine;
+mod progress;
+mod run;
+mod scene;
+mod schema;
+
+use std::io::{self, Write};
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+use lrbsim::BadInput;
+
+/// Exit code for bad input.
+const BAD_INPUT: u8 = 2;
+
+/// A Larrabee-style many-core simulator, and the soft-shadow workload it was built to time.
+#[derive(Debug, Parser)]
+#[command(name = "lrbsim", version, about, max_term_width = 100)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Run one frame: a timing table, report.json and a picture.
+    Run(Box<run::RunArgs>),
+    /// Look at machines.
+    #[command(subcommand)]
+    Machine(machine::MachineCommand),
+    /// Look at scenes.
+    #[command(subcommand)]
+    Scene(scene::SceneCommand),
+    /// Print the JSON Schema of a file format.
+    Schema(schema::SchemaArgs),
+}
+
+/// Why a command ended early.
+enum Failure {
+    Input(BadInput),
+    Output(io::Error),
+}
+
+impl From<BadInput> for Failure {
+    fn from(error: BadInput) -> Failure {
+        Failure::Input(error)
+    }
+}
+
+impl From<io::Error> for Failure {
+    fn from(error: io::Error) -> Failure {
+        Failure::Output(error)
+    }
+}
+
+/// Runs the command line of this process.
+pub(crate) fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let out = &mut io::stdout().lock();
+    let done = match cli.command {
+        Command::Run(args) => run::run(&args, out),
+        Command::Machine(command) => machine::run(&command, out),
+        Command::Scene(command) => scene::run(&command, out),
+        Command::Schema(args) => schema::run(&args, out),
+    };
+    match done.and_then(|()| Ok(out.flush()?)) {
+        Ok(()) => ExitCode::SUCCESS,
+        // Whoever read the output has seen enough, as `head` does.
+        Err(Failure::Output(error)) if error.kind() == io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
+        Err(Failure::Output(error)) => {
+            complain(BadInput::new(format!("cannot write to standard output: {error}")))
+        }
+        Err(Failure::Input(error)) => complain(error),
+    }
+}
+
+/// Shows what is wrong, on standard error.
+fn complain(error: BadInput) -> ExitCode {
+    // Lines are not wrapped: a message stays one line, for people who search it and programs that read it.
+    let _ =
+        miette::set_hook(Box::new(|_| Box::new(miette::MietteHandlerOpts::new().wrap_lines(false).build())));
+    // Nobody may be reading; the exit code still tells.
+    let _ = writeln!(io::stderr(), "{:?}", miette::Report::new(error));
+    ExitCode::from(BAD_INPUT)
+}

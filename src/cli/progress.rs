@@ -1,0 +1,87 @@
+//! The progress bar: on a terminal only, and gone when the run is done.
+
+use std::cell::Cell;
+use std::time::Duration;
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use lrbsim::progress::{Progress, Stopwatch};
+
+/// Bar on standard error.
+pub(crate) struct Bar {
+    bar: ProgressBar,
+    /// Instructions simulated so far, for the rate.
+    uops: Cell<u64>,
+    /// Whether the running step told of its tasks one by one.
+    watched: Cell<bool>,
+    watch: Stopwatch,
+}
+
+impl Bar {
+    /// A bar that is drawn when `visible`.
+    pub(crate) fn new(visible: bool) -> Bar {
+        let target =
+            if visible { ProgressDrawTarget::stderr_with_hz(10) } else { ProgressDrawTarget::hidden() };
+        let bar = ProgressBar::with_draw_target(Some(0), target);
+        if visible {
+            bar.enable_steady_tick(Duration::from_millis(100));
+        }
+        Bar { bar, uops: Cell::new(0), watched: Cell::new(false), watch: Stopwatch::start() }
+    }
+
+    /// A part without a length begins.
+    pub(crate) fn note(&self, what: &str) {
+        self.bar.set_style(style("{spinner} {prefix}"));
+        self.bar.set_prefix(what.to_owned());
+    }
+
+    /// Takes the bar away.
+    pub(crate) fn finish(&self) {
+        self.bar.finish_and_clear();
+    }
+
+    fn add(&self, uops: u64) {
+        self.uops.set(self.uops.get() + uops);
+        let rate = self.uops.get() as f64 / self.watch.elapsed().as_secs_f64().max(1e-3) / 1e6;
+        self.bar.set_message(format!("{rate:.0} M instructions/s"));
+    }
+}
+
+impl Drop for Bar {
+    fn drop(&mut self) {
+        self.bar.finish_and_clear();
+    }
+}
+
+impl Progress for Bar {
+    fn part(&self, what: &str) {
+        self.note(what);
+    }
+
+    fn step(&self, title: &str, tasks: u32) {
+        self.watched.set(false);
+        self.bar.set_style(style("{prefix} {wide_bar} {percent}% {msg} {eta} left"));
+        self.bar.set_prefix(title.to_owned());
+        self.bar.reset();
+        self.bar.set_length(u64::from(tasks));
+    }
+
+    fn task(&self, uops: u64) {
+        self.watched.set(true);
+        self.bar.inc(1);
+        self.uops.set(self.uops.get() + uops);
+        // A message costs an allocation: not for each of a million tasks.
+        if self.bar.position().is_multiple_of(64) {
+            self.add(0);
+        }
+    }
+
+    fn uops(&self, uops: u64) {
+        if !self.watched.get() {
+            self.add(uops);
+        }
+    }
+}
+
+fn style(template: &str) -> ProgressStyle {
+    ProgressStyle::with_template(template).expect("the template is a constant")
+}

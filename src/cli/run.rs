@@ -1,0 +1,149 @@
+//! `lrbsim run`.
+
+use std::io::{IsTerminal as _, Write};
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use clap::Args;
+use lrbsim::{Algorithm, BadInput, HostOptions, Machine, RunRequest, Setting, inputs, results, run_frame};
+use lrbsim_isa::host::HostSimd;
+use lrbsim_machine::Fidelity;
+use lrbsim_reports::files::ResultDir;
+use lrbsim_reports::table;
+
+use super::Failure;
+use super::progress::Bar;
+
+#[derive(Debug, Args)]
+pub(crate) struct RunArgs {
+    /// A shipped scene, a scene file (.json) or a model (.obj).
+    #[arg(default_value = "saloon-small")]
+    scene: String,
+
+    /// A shipped machine or a machine file (.json).
+    #[arg(short, long, default_value = "larrabee-24")]
+    machine: String,
+
+    /// Change one field of the machine, such as cores=8 or l2.capacity_bytes=524288; may be given again.
+    #[arg(long = "set", value_name = "PATH=VALUE")]
+    settings: Vec<String>,
+
+    /// Shadow algorithm and its options.
+    #[arg(short, long, value_name = "ALGORITHM[:K=V,…]", default_value = "sism:form=exact")]
+    algorithm: String,
+
+    /// Size of the picture in pixels, instead of the scene's.
+    #[arg(long, value_name = "WxH")]
+    size: Option<String>,
+
+    /// Radius of the light in world units, instead of the scene's.
+    #[arg(long, value_name = "R", allow_negative_numbers = true)]
+    light_radius: Option<f64>,
+
+    /// How much of the machine is modeled: functional, windowed or cycle.
+    #[arg(long, value_name = "LEVEL", default_value = "windowed")]
+    fidelity: String,
+
+    /// Host threads, all of the host's if not given; changes no result.
+    #[arg(long, value_name = "N")]
+    host_threads: Option<usize>,
+
+    /// Host instructions that compute the lanes, the fastest if not given: avx512, avx2 or portable; changes no result.
+    #[arg(long, value_name = "LEVEL")]
+    host_simd: Option<String>,
+
+    /// Frames to run before the measured one, to warm the caches.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    warm_frames: u32,
+
+    /// Folder for the results [default: out/<scene>-<machine>-<algorithm>].
+    #[arg(short, long, value_name = "DIR")]
+    out: Option<PathBuf>,
+
+    /// Write receivers, normals, visibility, light and mesh too.
+    #[arg(long)]
+    dump: bool,
+
+    /// Print the report as JSON on standard output, and nothing else there.
+    #[arg(long)]
+    json: bool,
+}
+
+pub(crate) fn run(args: &RunArgs, out: &mut impl Write) -> Result<(), Failure> {
+    // Everything that can be wrong is found before the long run.
+    let algorithm = Algorithm::from_str(&args.algorithm)?;
+    let fidelity = Fidelity::from_str(&args.fidelity).map_err(|error| BadInput::new(error.to_string()))?;
+    let host = host_options(args)?;
+    let settings: Vec<Setting> =
+        args.settings.iter().map(|text| text.parse()).collect::<Result<_, BadInput>>()?;
+    let machine = Machine::load(&args.machine, &settings)?;
+    let size = args.size.as_deref().map(parse_size).transpose()?;
+    let bar = Bar::new(std::io::stderr().is_terminal());
+    bar.note("loading");
+    let mut scene = inputs::scene(&args.scene)?;
+    if let Some((width, height)) = size {
+        inputs::resize(&mut scene, width, height)?;
+    }
+    if let Some(radius) = args.light_radius {
+        inputs::set_light_radius(&mut scene, radius)?;
+    }
+    let target = match &args.out {
+        Some(target) => target.clone(),
+        None => results::default_dir(&scene.name, &machine.config.name, algorithm),
+    };
+    let dir = ResultDir::open(&target)
+        .map_err(|error| BadInput::from(error).with_help("`-o` must name a folder that can be written"))?;
+
+    let request = RunRequest { scene, machine, algorithm, fidelity, warm_frames: args.warm_frames, host };
+    let output = run_frame(&request, &bar)?;
+    bar.finish();
+
+    let paths = results::write(dir, &output, &request.scene, args.dump)?;
+    if args.json {
+        out.write_all(output.report.to_json().as_bytes())?;
+        return Ok(());
+    }
+    writeln!(out, "{}", table::render(&output.report))?;
+    writeln!(
+        out,
+        "{:.2} s on the host, {:.1} million simulated instructions a second",
+        output.host.seconds,
+        output.host.simulated_instructions_per_second / 1e6
+    )?;
+    for path in paths {
+        writeln!(out, "wrote {}", path.display())?;
+    }
+    Ok(())
+}
+
+fn host_options(args: &RunArgs) -> Result<HostOptions, BadInput> {
+    let mut host = HostOptions::default();
+    if let Some(threads) = args.host_threads {
+        if !(1..=1024).contains(&threads) {
+            return Err(BadInput::new(format!("`--host-threads` is {threads}; it must be from 1 to 1024")));
+        }
+        host.threads = threads;
+    }
+    if let Some(text) = &args.host_simd {
+        host.simd =
+            HostSimd::from_str(text).map_err(|error| BadInput::new(format!("`--host-simd`: {error}")))?;
+        if !host.simd.is_available() {
+            let have: Vec<String> =
+                HostSimd::ALL.iter().filter(|simd| simd.is_available()).map(HostSimd::to_string).collect();
+            return Err(BadInput::new(format!(
+                "`--host-simd {text}`: this host has only {}",
+                have.join(", ")
+            )));
+        }
+    }
+    Ok(host)
+}
+
+/// `640x480` as two numbers; their range is the scene's to check.
+fn parse_size(text: &str) -> Result<(u32, u32), BadInput> {
+    text.split_once(['x', 'X'])
+        .and_then(|(width, height)| Some((width.parse().ok()?, height.parse().ok()?)))
+        .ok_or_else(|| {
+            BadInput::new(format!("`--size` is `{text}`; it must be WIDTHxHEIGHT, such as 640x480"))
+        })
+}

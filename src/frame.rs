@@ -1,0 +1,257 @@
+//! One frame, from a scene and a machine to a report and a picture.
+
+use lrbsim_isa::host::HostSimd;
+use lrbsim_isa::{Arena, Program};
+use lrbsim_kernels::sism;
+use lrbsim_machine::{Fidelity, PhaseCounters};
+use lrbsim_reports::counters::{Clock, PhaseName, phase_reports};
+use lrbsim_reports::picture;
+use lrbsim_reports::run::{ImageSummary, Provenance, RunReport, SCHEMA_VERSION, SceneSummary, Total};
+use lrbsim_reports::{HostReport, picture::NOTHING_HIT};
+use lrbsim_workloads::{Adjacency, EyeView, Scene, ShadowInput, silhouette_edges};
+
+use crate::algorithm::Algorithm;
+use crate::engine::Engine;
+use crate::error::BadInput;
+use crate::host::{Stopwatch, peak_rss_bytes};
+use crate::inputs::Machine;
+use crate::progress::Progress;
+
+/// Everything that determines a run.
+#[derive(Debug, Clone)]
+pub struct RunRequest {
+    /// What is drawn.
+    pub scene: Scene,
+    /// What draws it.
+    pub machine: Machine,
+    /// How.
+    pub algorithm: Algorithm,
+    /// How much of the machine is modeled.
+    pub fidelity: Fidelity,
+    /// Frames run before the measured one, to warm the caches.
+    pub warm_frames: u32,
+    /// How the host goes about it; changes no result.
+    pub host: HostOptions,
+}
+
+/// How the host goes about a run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct HostOptions {
+    /// Threads at most, at least 1.
+    pub threads: usize,
+    /// Host instructions that compute the lanes.
+    pub simd: HostSimd,
+}
+
+impl Default for HostOptions {
+    fn default() -> Self {
+        let threads = std::thread::available_parallelism().map_or(1, |threads| threads.get());
+        HostOptions { threads, simd: HostSimd::detect() }
+    }
+}
+
+/// What came out of a run.
+#[derive(Debug, Clone)]
+pub struct RunOutput {
+    /// The result in simulated time.
+    pub report: RunReport,
+    /// What it cost the host.
+    pub host: HostReport,
+    /// The pixels.
+    pub frame: Frame,
+}
+
+/// A frame per pixel: row-major from the top left, NaN where nothing was hit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Frame {
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Part of the light that is seen, in [0, 1].
+    pub visibility: Vec<f32>,
+    /// Points that the eye sees, world space: x, y, z a pixel.
+    pub points: Vec<f32>,
+    /// Unit normals of the surface there, turned to the eye: x, y, z a pixel.
+    pub normals: Vec<f32>,
+    /// Cosine between the normal and the direction to the light's center.
+    pub cosine: Vec<f32>,
+}
+
+/// Runs one frame, or `warm_frames` and then the one that is measured.
+pub fn run_frame(request: &RunRequest, progress: &dyn Progress) -> Result<RunOutput, BadInput> {
+    let watch = Stopwatch::start();
+    let RunRequest { scene, machine, fidelity, host, .. } = request;
+
+    // What the eye sees: on the host, untimed, as in the paper.
+    progress.part("eye view");
+    let (eye, input) = on_host_threads(host.threads, || {
+        let eye = EyeView::render(&scene.mesh, &scene.camera, scene.image.width, scene.image.height);
+        let input = ShadowInput::new(scene, &Adjacency::new(&scene.mesh), &eye);
+        (eye, input)
+    })?;
+
+    // The kernels, on the machine.
+    let simulation = Stopwatch::start();
+    let mut engine = Engine::new(&machine.spec, *fidelity, host.simd, host.threads);
+    let mut simulated = simulate(request.algorithm, &input, &mut engine, progress);
+    for _ in 0..request.warm_frames {
+        // Again from the start, with every array where it was: only the chip remembers.
+        simulated = simulate(request.algorithm, &input, &mut engine, progress);
+    }
+    let simulation_seconds = simulation.elapsed().as_secs_f64();
+
+    // What came out.
+    let frame = Frame::new(scene, &eye, &simulated.visibility);
+    let report = report(request, &eye, &simulated, &frame);
+    let instructions: u64 = report.phases.iter().map(|phase| phase.instructions.total).sum();
+    let host = HostReport {
+        seconds: watch.elapsed().as_secs_f64(),
+        simulated_instructions_per_second: (instructions * (1 + u64::from(request.warm_frames))) as f64
+            / simulation_seconds.max(1e-9),
+        peak_rss_bytes: peak_rss_bytes(),
+        host_threads: u32::try_from(host.threads).unwrap_or(u32::MAX),
+        host_simd: host.simd.to_string(),
+    };
+    Ok(RunOutput { report, host, frame })
+}
+
+/// Runs `work`, and what it runs in parallel, on at most `threads` host threads.
+fn on_host_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> Result<T, BadInput> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    let pool =
+        pool.map_err(|error| BadInput::new(format!("the host gives no {threads} threads: {error}")))?;
+    Ok(pool.install(work))
+}
+
+/// What a program left behind.
+struct Simulated {
+    phases: Vec<(PhaseName<'static>, PhaseCounters)>,
+    /// One value a receiver.
+    visibility: Vec<f32>,
+    silhouette_edges: u64,
+}
+
+fn simulate(
+    algorithm: Algorithm,
+    input: &ShadowInput,
+    engine: &mut Engine,
+    progress: &dyn Progress,
+) -> Simulated {
+    let mut arena = Arena::new();
+    match algorithm {
+        Algorithm::Sism => {
+            let options = sism::Options { form: sism::Form::Exact };
+            let mut program = sism::program(input, &options, &mut arena);
+            let phases = run_program(&mut program, &mut arena, engine, progress);
+            Simulated {
+                phases,
+                visibility: program.state.visibility(&arena),
+                silhouette_edges: program.state.silhouette_edges(&arena),
+            }
+        }
+    }
+}
+
+/// Runs all steps of a program, phase by phase.
+fn run_program<S>(
+    program: &mut Program<S>,
+    arena: &mut Arena,
+    engine: &mut Engine,
+    progress: &dyn Progress,
+) -> Vec<(PhaseName<'static>, PhaseCounters)> {
+    let mut rows = Vec::new();
+    for phase in &program.phases {
+        let mut sum = PhaseCounters::default();
+        for make_step in &phase.steps {
+            let step = make_step(&mut program.state, arena);
+            progress.step(phase.title, step.tasks);
+            let cost = engine.run(&step, arena, progress);
+            progress.uops(cost.issued);
+            sum += cost;
+        }
+        let name = PhaseName { id: phase.id, title: phase.title, in_paper_total: phase.in_paper_total };
+        rows.push((name, sum));
+    }
+    let untimed = arena.host_reads_in_task();
+    assert!(untimed == 0, "tasks read the arena {untimed} times past the Vpu: work that nobody timed");
+    rows
+}
+
+fn report(request: &RunRequest, eye: &EyeView, simulated: &Simulated, frame: &Frame) -> RunReport {
+    let RunRequest { scene, machine, fidelity, .. } = request;
+    let timed = *fidelity != Fidelity::Functional;
+    // A point light has no penumbra, so its kernels look for no silhouettes; the scene still has them.
+    let silhouette_edges = match simulated.silhouette_edges {
+        0 => silhouette_edges(&scene.mesh, &Adjacency::new(&scene.mesh), scene.light.center()) as u64,
+        found => found,
+    };
+    let clock = Clock { clock_ghz: machine.config.clock_ghz, cores: machine.config.cores };
+    let phases = phase_reports(&simulated.phases, timed.then_some(clock));
+    RunReport {
+        schema_version: SCHEMA_VERSION,
+        provenance: Provenance {
+            lrbsim_version: env!("CARGO_PKG_VERSION").to_owned(),
+            machine_hash: machine_hash(machine),
+            scene_hash: scene_hash(scene),
+            algorithm: request.algorithm.to_string(),
+            fidelity: fidelity.to_string(),
+            warm_frames: request.warm_frames,
+            seed: 0,
+        },
+        scene: SceneSummary {
+            name: scene.name.clone(),
+            triangles: scene.mesh.triangles.len() as u64,
+            silhouette_edges,
+            receivers: eye.points.len() as u64,
+            width: frame.width,
+            height: frame.height,
+            light: serde_json::to_value(scene.light).expect("a light has string keys"),
+        },
+        machine: machine.config.clone(),
+        total: Total::of_phases(&phases, clock.clock_ghz),
+        phases,
+        image: ImageSummary::of(&frame.visibility),
+    }
+}
+
+/// Names a machine by every number that timing depends on; where the numbers are from does not matter.
+fn machine_hash(machine: &Machine) -> String {
+    let mut config = machine.config.clone();
+    config.sources.clear();
+    picture::sha256(serde_json::to_string(&config).expect("a configuration has string keys").as_bytes())
+}
+
+/// Names a scene by what is in it: triangles, camera, picture size and light.
+fn scene_hash(scene: &Scene) -> String {
+    let view = serde_json::json!({"camera": scene.camera, "image": scene.image, "light": scene.light});
+    let mut bytes = view.to_string().into_bytes();
+    bytes.extend(scene.mesh.positions.iter().flat_map(|p| p.to_array()).flat_map(f64::to_le_bytes));
+    bytes.extend(scene.mesh.triangles.iter().flatten().flat_map(|vertex| vertex.to_le_bytes()));
+    picture::sha256(&bytes)
+}
+
+impl Frame {
+    /// Spreads values of receivers over the pixels.
+    fn new(scene: &Scene, eye: &EyeView, receiver_visibility: &[f32]) -> Frame {
+        assert_eq!(receiver_visibility.len(), eye.pixels.len(), "one visibility a receiver");
+        let pixels = eye.width as usize * eye.height as usize;
+        let mut frame = Frame {
+            width: eye.width,
+            height: eye.height,
+            visibility: vec![NOTHING_HIT; pixels],
+            points: vec![NOTHING_HIT; 3 * pixels],
+            normals: vec![NOTHING_HIT; 3 * pixels],
+            cosine: vec![NOTHING_HIT; pixels],
+        };
+        let light = scene.light.center();
+        for (index, pixel) in eye.pixels.iter().enumerate() {
+            let (pixel, point, normal) = (*pixel as usize, eye.points[index], eye.normals[index]);
+            frame.visibility[pixel] = receiver_visibility[index];
+            frame.points[3 * pixel..3 * pixel + 3].copy_from_slice(&point.as_vec3().to_array());
+            frame.normals[3 * pixel..3 * pixel + 3].copy_from_slice(&normal.to_array());
+            frame.cosine[pixel] = normal.dot((light - point).normalize_or_zero().as_vec3());
+        }
+        frame
+    }
+}

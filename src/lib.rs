@@ -1,0 +1,34 @@
+//! lrbsim: a Larrabee-style many-core simulator, and the soft-shadow workload it was built to time.
+//!
+//! This crate is the driver: it brings scenes, kernels and machines together and writes down what came out.
+//!
+//! ```no_run
+//! use lrbsim::{HostOptions, Machine, RunRequest, progress::Quiet, run_frame};
+//!
+//! let request = RunRequest {
+//!     scene: lrbsim::inputs::scene("tiny")?,
+//!     machine: Machine::load("larrabee-24", &["cores=8".parse()?])?,
+//!     algorithm: lrbsim::Algorithm::Sism,
+//!     fidelity: lrbsim_machine::Fidelity::Windowed,
+//!     warm_frames: 0,
+//!     host: HostOptions::default(),
+//! };
+//! let output = run_frame(&request, &Quiet)?;
+//! println!("{}", lrbsim_reports::table::render(&output.report));
+//! # Ok::<(), lrbsim::BadInput>(())
+//! ```
+
+mod algorithm;
+mod engine;
+mod error;
+mod frame;
+mod host;
+pub mod inputs;
+mod json;
+pub mod progress;
+pub mod results;
+
+pub use algorithm::Algorithm;
+pub use error::BadInput;
+pub use frame::{Frame, HostOptions, RunOutput, RunRequest, run_frame};
+pub use inputs::{Machine, Setting};

@@ -1,0 +1,32 @@
+//! Who is told how far a run has come.
+
+pub use crate::host::Stopwatch;
+
+/// Hears of a run's progress. Nothing it does can change a result.
+pub trait Progress {
+    /// A part of the run begins that is not simulated, such as loading.
+    fn part(&self, what: &str) {
+        let _ = what;
+    }
+
+    /// A step with `tasks` tasks of phase `title` begins.
+    fn step(&self, title: &str, tasks: u32) {
+        let _ = (title, tasks);
+    }
+
+    /// A task of `uops` instructions was pulled.
+    fn task(&self, uops: u64) {
+        let _ = uops;
+    }
+
+    /// A step ended that was not watched task by task.
+    fn uops(&self, uops: u64) {
+        let _ = uops;
+    }
+}
+
+/// Nobody.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Quiet;
+
+impl Progress for Quiet {}

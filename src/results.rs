@@ -1,0 +1,68 @@
+//! The files of a run.
+
+use std::path::{Path, PathBuf};
+
+use lrbsim_reports::files::ResultDir;
+use lrbsim_reports::{npy, picture};
+use lrbsim_workloads::{Scene, light_json, mesh_obj};
+
+use crate::algorithm::Algorithm;
+use crate::error::BadInput;
+use crate::frame::RunOutput;
+
+/// Every file that a run may write.
+const FILES: [&str; 9] = [
+    "image.png",
+    "visibility.png",
+    "receivers.npy",
+    "normals.npy",
+    "visibility.npy",
+    "light.json",
+    "mesh.obj",
+    "host.json",
+    "report.json",
+];
+
+/// Default folder of a run: `out/<scene>-<machine>-<algorithm>`.
+pub fn default_dir(scene: &str, machine: &str, algorithm: Algorithm) -> PathBuf {
+    let name = format!("{scene}-{machine}-{}", algorithm.name());
+    // Names come from files and may hold anything.
+    let safe = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' };
+    Path::new("out").join(name.chars().map(safe).collect::<String>())
+}
+
+/// Puts all files of a run in place, `report.json` last, and tells their paths.
+pub fn write(
+    mut dir: ResultDir,
+    output: &RunOutput,
+    scene: &Scene,
+    dump: bool,
+) -> Result<Vec<PathBuf>, BadInput> {
+    let frame = &output.frame;
+    let (width, height) = (frame.width, frame.height);
+    dir.stage("image.png", &picture::shaded_png(width, height, &frame.visibility, &frame.cosine))?;
+    dir.stage("visibility.png", &picture::visibility_png(width, height, &frame.visibility))?;
+    if dump {
+        let shape = [height as usize, width as usize];
+        let vectors = [shape[0], shape[1], 3];
+        dir.stage("receivers.npy", &npy::f32_array(&vectors, &frame.points))?;
+        dir.stage("normals.npy", &npy::f32_array(&vectors, &frame.normals))?;
+        dir.stage("visibility.npy", &npy::f32_array(&shape, &frame.visibility))?;
+        dir.stage("light.json", light_json(&scene.light).as_bytes())?;
+        dir.stage("mesh.obj", mesh_obj(&scene.mesh).as_bytes())?;
+    }
+    dir.stage("host.json", output.host.to_json().as_bytes())?;
+    dir.stage("report.json", output.report.to_json().as_bytes())?;
+    Ok(dir.commit(&FILES)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_is_named_after_what_ran() {
+        assert_eq!(default_dir("tiny", "ideal", Algorithm::Sism), Path::new("out/tiny-ideal-sism"));
+        assert_eq!(default_dir("../a b", "x/y", Algorithm::Sism), Path::new("out/.._a_b-x_y-sism"));
+    }
+}

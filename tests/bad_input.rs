@@ -1,0 +1,196 @@
+//! Bad input ends with exit code 2 and one clear message, and leaves nothing behind.
+
+mod common;
+
+use common::Folder;
+
+const SCENE: &str = r#"{
+  "mesh": "model.obj",
+  "camera": {"eye": [0, 2, 5], "target": [0, 0, 0], "fov_y_degrees": 40},
+  "image": {"width": 32, "height": 24},
+  "light": {"kind": "sphere", "center": [0, 4, 0], "radius": 0.2}
+}
+"#;
+const TRIANGLE: &str = "v -1 0 -1\nv 1 0 -1\nv 0 0 1\nf 1 2 3\n";
+
+/// The shipped machine with one piece of its text replaced.
+fn machine_file(folder: &Folder, from: &str, to: &str) {
+    let text = lrbsim_machine::builtin_machine("larrabee-24").expect("shipped");
+    assert!(text.contains(from), "`{from}` is not in larrabee-24.json");
+    folder.write("machine.json", &text.replacen(from, to, 1));
+}
+
+/// Runs `scene` with `-o results` and demands a refusal with all of `parts`, without results.
+#[track_caller]
+fn refused(folder: &Folder, args: &[&str], parts: &[&str]) {
+    let before = folder.names();
+    let mut all = vec!["run"];
+    all.extend(args);
+    all.extend(["-o", "results/here"]);
+    folder.run(&all).refused(parts);
+    assert_eq!(folder.names(), before, "nothing may be left behind");
+}
+
+#[test]
+fn a_missing_file_is_named() {
+    let folder = Folder::new();
+    refused(&folder, &["gone.json"], &["cannot read `gone.json`"]);
+    refused(&folder, &["gone.obj"], &["cannot read `gone.obj`"]);
+    refused(&folder, &["tiny", "-m", "gone.json"], &["cannot read `gone.json`"]);
+    folder.write("scene.json", SCENE);
+    refused(&folder, &["scene.json"], &["model.obj", "scene.json:2:11"]);
+}
+
+#[test]
+fn an_unknown_name_lists_the_known_ones() {
+    let folder = Folder::new();
+    refused(&folder, &["salon-small"], &["`salon-small` is no scene", "did you mean `saloon-small`?"]);
+    refused(&folder, &["tiny", "-m", "larrabee"], &["`larrabee` is no machine", "larrabee-24"]);
+    refused(&folder, &["tiny", "-a", "sism2"], &["`sism2` is no algorithm"]);
+    refused(&folder, &["tiny", "-a", "raytrace"], &["`raytrace` is not in this version"]);
+    refused(&folder, &["tiny", "--fidelity", "exact"], &["`exact` is no fidelity"]);
+    refused(&folder, &["tiny", "--host-simd", "mmx"], &["mmx"]);
+}
+
+#[test]
+fn broken_json_is_pointed_at() {
+    let folder = Folder::new();
+    machine_file(&folder, "\"cores\": 24,", "\"cores\": 24");
+    refused(
+        &folder,
+        &["tiny", "-m", "machine.json"],
+        &["not sound JSON", "machine.json:5:3", "expected `,` or `}`"],
+    );
+    folder.write("scene.json", &SCENE[..SCENE.len() / 2]);
+    refused(&folder, &["scene.json"], &["not sound JSON", "scene.json:"]);
+    folder.write("scene.json", "");
+    refused(&folder, &["scene.json"], &["not sound JSON"]);
+}
+
+#[test]
+fn an_unknown_field_is_pointed_at() {
+    let folder = Folder::new();
+    machine_file(&folder, "\"cores\": 24,", "\"cores\": 24, \"colour\": 3,");
+    refused(
+        &folder,
+        &["tiny", "-m", "machine.json"],
+        &["unknown field `colour`", "`cores`", "machine.json:4:16"],
+    );
+    folder.write("scene.json", &SCENE.replace("\"radius\"", "\"radios\""));
+    refused(&folder, &["scene.json"], &["unknown field `radios`", "expected", "scene.json:5:"]);
+}
+
+#[test]
+fn a_wrong_type_is_pointed_at() {
+    let folder = Folder::new();
+    machine_file(&folder, "\"cores\": 24,", "\"cores\": \"many\",");
+    refused(&folder, &["tiny", "-m", "machine.json"], &["`cores`", "expected u32", "machine.json:4:12"]);
+    folder.write("scene.json", &SCENE.replace("\"width\": 32", "\"width\": 3.5"));
+    refused(&folder, &["scene.json"], &["`image.width`", "3.5", "scene.json:4:22"]);
+}
+
+#[test]
+fn no_cores_are_refused() {
+    let folder = Folder::new();
+    machine_file(&folder, "\"cores\": 24,", "\"cores\": 0,");
+    refused(&folder, &["tiny", "-m", "machine.json"], &["`cores` is 0; it must be", "machine.json:4:12"]);
+    refused(&folder, &["tiny", "--set", "cores=0"], &["`cores` is 0; it must be", "--set cores=0"]);
+}
+
+#[test]
+fn a_cache_without_whole_sets_is_refused() {
+    let folder = Folder::new();
+    machine_file(&folder, "\"capacity_bytes\": 262144", "\"capacity_bytes\": 262145");
+    refused(
+        &folder,
+        &["tiny", "-m", "machine.json"],
+        &["`l2.capacity_bytes` is 262145; it must be a multiple of 512", "machine.json:"],
+    );
+    refused(&folder, &["tiny", "--set", "l1d.capacity_bytes=1000"], &["`l1d.capacity_bytes` is 1000", "512"]);
+}
+
+#[test]
+fn a_setting_of_nothing_is_refused() {
+    let folder = Folder::new();
+    refused(&folder, &["tiny", "--set", "l2.way=4"], &["`l2` has no field `way`", "did you mean `ways`?"]);
+    refused(&folder, &["tiny", "--set", "cores=lots"], &["`--set cores`", "expected u32"]);
+    refused(&folder, &["tiny", "--set", "cores"], &["has no `=`"]);
+}
+
+#[test]
+fn a_camera_that_is_no_number_is_refused() {
+    let folder = Folder::new();
+    folder.write("model.obj", TRIANGLE);
+    folder.write("scene.json", &SCENE.replace("[0, 2, 5]", "[0, NaN, 5]"));
+    refused(&folder, &["scene.json"], &["`NaN` is not a number in JSON", "finite", "scene.json:3:25"]);
+    folder.write("scene.json", &SCENE.replace("[0, 2, 5]", "[0, 1e400, 5]"));
+    refused(&folder, &["scene.json"], &["number out of range", "scene.json:3:25"]);
+    folder.write("scene.json", &SCENE.replace("[0, 2, 5]", "[0, 1e39, 5]"));
+    refused(&folder, &["scene.json"], &["`camera.eye`", "must be", "scene.json:3:21"]);
+    folder.write("scene.json", &SCENE.replace("[0, 2, 5]", "[0, null, 5]"));
+    refused(&folder, &["scene.json"], &["`camera.eye", "null", "scene.json:3:"]);
+    folder.write("scene.json", &SCENE.replace("[0, 2, 5]", "[0, 0, 0]"));
+    refused(&folder, &["scene.json"], &["`camera.target`", "another point"]);
+}
+
+#[test]
+fn a_model_without_triangles_is_refused() {
+    let folder = Folder::new();
+    folder.write("empty.obj", "");
+    refused(&folder, &["empty.obj"], &["`empty.obj` has no triangles"]);
+    folder.write("model.obj", "v 0 0 0\n");
+    folder.write("scene.json", SCENE);
+    refused(&folder, &["scene.json"], &["has no triangles"]);
+}
+
+#[test]
+fn a_model_with_a_broken_index_is_refused() {
+    let folder = Folder::new();
+    folder.write("broken.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n");
+    refused(&folder, &["broken.obj"], &["broken.obj:4", "9", "1..=3"]);
+    folder.write("broken.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 0\n");
+    refused(&folder, &["broken.obj"], &["broken.obj:4"]);
+    folder.write("broken.obj", "v 0 zero 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    refused(&folder, &["broken.obj"], &["broken.obj:1"]);
+}
+
+#[test]
+fn an_output_folder_that_cannot_be_written_is_refused_before_the_run() {
+    let folder = Folder::new();
+    folder.write("file", "not a folder");
+    folder.run(&["run", "tiny", "-o", "file"]).refused(&["cannot create", "file"]);
+    folder.run(&["run", "tiny", "-o", "file/below"]).refused(&["cannot create", "file/below"]);
+    folder.run(&["scene", "export", "tiny", "-o", "file/below"]).refused(&["cannot create", "file/below"]);
+    assert_eq!(folder.names(), ["file"]);
+}
+
+#[test]
+fn numbers_out_of_range_on_the_command_line_are_refused() {
+    let folder = Folder::new();
+    refused(&folder, &["tiny", "--size", "640"], &["`--size` is `640`; it must be WIDTHxHEIGHT"]);
+    refused(&folder, &["tiny", "--size", "0x10"], &["`--size`", "`image.width` is 0"]);
+    refused(&folder, &["tiny", "--light-radius", "-1"], &["`--light-radius`", "-1"]);
+    refused(&folder, &["tiny", "--light-radius", "NaN"], &["`--light-radius`", "NaN"]);
+    refused(&folder, &["tiny", "--host-threads", "0"], &["`--host-threads` is 0"]);
+}
+
+#[test]
+fn an_unknown_option_is_refused() {
+    let done = Folder::new();
+    let done = done.run(&["run", "--frobnicate"]);
+    assert!(done.stderr().contains("--frobnicate"), "{}", done.stderr());
+}
+
+#[test]
+fn checks_tell_sound_from_unsound() {
+    let folder = Folder::new();
+    machine_file(&folder, "\"cores\": 24,", "\"cores\": 8,");
+    assert!(folder.run(&["machine", "check", "machine.json"]).ok().stdout().contains("8 cores"));
+    machine_file(&folder, "\"cores\": 24,", "\"cores\": -8,");
+    folder.run(&["machine", "check", "machine.json"]).refused(&["`cores`", "-8", "machine.json:4:12"]);
+    folder.write("model.obj", TRIANGLE);
+    folder.write("scene.json", SCENE);
+    assert!(folder.run(&["scene", "check", "scene.json"]).ok().stdout().contains("1 triangles"));
+    folder.write("scene.json", &SCENE.replace("0.2", "-0.2"));
+    folder.run(&["scene", "check", "scene.json"]).refused(&["`light.radius` is -0.2", "scene.json:5:"]);
+}

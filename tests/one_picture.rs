@@ -1,0 +1,113 @@
+//! The picture depends on the scene alone, and a report on what was asked for: not on how the host went about it.
+
+mod common;
+
+use common::{machine, request, run};
+use lrbsim::{HostOptions, RunRequest};
+use lrbsim_isa::host::HostSimd;
+use lrbsim_machine::Fidelity;
+
+const FIDELITIES: [Fidelity; 3] = [Fidelity::Functional, Fidelity::Windowed, Fidelity::Cycle];
+
+/// SHA-256 of the picture that every other run must give too.
+fn picture() -> String {
+    let functional = RunRequest { fidelity: Fidelity::Functional, ..request("tiny") };
+    run(&functional).report.image.sha256
+}
+
+#[test]
+fn one_picture_for_every_number_of_cores_and_every_fidelity() {
+    let picture = picture();
+    for cores in [1, 24, 61] {
+        for fidelity in FIDELITIES {
+            let machine = machine(&[&format!("cores={cores}")]);
+            let output = run(&RunRequest { machine, fidelity, ..request("tiny") });
+            assert_eq!(output.report.image.sha256, picture, "{cores} cores, {fidelity}");
+        }
+    }
+}
+
+#[test]
+fn one_picture_for_every_host_instruction_set() {
+    let picture = picture();
+    for simd in HostSimd::ALL {
+        if !simd.is_available() {
+            eprintln!("SKIPPED: this host has no {simd}");
+            continue;
+        }
+        for fidelity in FIDELITIES {
+            let host = HostOptions { simd, ..HostOptions::default() };
+            let output = run(&RunRequest { fidelity, host, ..request("tiny") });
+            assert_eq!(output.report.image.sha256, picture, "{simd}, {fidelity}");
+        }
+    }
+}
+
+#[test]
+fn one_report_for_every_number_of_host_threads() {
+    for fidelity in FIDELITIES {
+        let report = |threads| {
+            let host = HostOptions { threads, ..HostOptions::default() };
+            run(&RunRequest { fidelity, host, ..request("tiny") }).report.to_json()
+        };
+        let one = report(1);
+        for threads in [2, 3, 8] {
+            assert_eq!(report(threads), one, "{threads} host threads, {fidelity}");
+        }
+    }
+}
+
+#[test]
+fn one_report_for_every_host_instruction_set() {
+    let report = |simd| {
+        let host = HostOptions { simd, ..HostOptions::default() };
+        run(&RunRequest { host, ..request("tiny") }).report.to_json()
+    };
+    let one = report(HostSimd::Portable);
+    for simd in HostSimd::ALL.into_iter().filter(|simd| simd.is_available()) {
+        assert_eq!(report(simd), one, "{simd}");
+    }
+}
+
+#[test]
+fn warm_frames_change_times_but_not_the_picture() {
+    let warm = run(&RunRequest { warm_frames: 2, ..request("tiny") }).report;
+    let cold = run(&request("tiny")).report;
+    assert_eq!(warm.image, cold.image);
+    assert_eq!(warm.phases.len(), cold.phases.len());
+    assert!(
+        warm.total.cycles < cold.total.cycles,
+        "{:?} warm, {:?} cold",
+        warm.total.cycles,
+        cold.total.cycles
+    );
+}
+
+#[test]
+fn the_cycle_stack_adds_up_in_every_phase() {
+    for fidelity in [Fidelity::Windowed, Fidelity::Cycle] {
+        let report = run(&RunRequest { fidelity, ..request("tiny") }).report;
+        for phase in &report.phases {
+            let stack = phase.cycle_stack.expect("timed").total();
+            let cycles = phase.cycles.expect("timed");
+            assert_eq!(stack, cycles * u64::from(report.machine.cores), "{}, {fidelity}", phase.id);
+        }
+    }
+}
+
+#[test]
+fn every_fidelity_runs_the_same_instructions() {
+    let counts = |fidelity| -> Vec<_> {
+        let report = run(&RunRequest { fidelity, ..request("tiny") }).report;
+        report
+            .phases
+            .into_iter()
+            .map(|phase| (phase.id, phase.tasks, phase.instructions, phase.lanes))
+            .collect()
+    };
+    assert_eq!(counts(Fidelity::Windowed), counts(Fidelity::Cycle));
+    // Untimed runs need no registers: they have no spills.
+    for (timed, untimed) in counts(Fidelity::Windowed).into_iter().zip(counts(Fidelity::Functional)) {
+        assert_eq!((timed.2.total - timed.2.spill, timed.1), (untimed.2.total, untimed.1), "{}", timed.0);
+    }
+}
