@@ -14,7 +14,7 @@ pub const RELATIVE_EPSILON: f32 = 1e-5;
 /// `0..9` normals of the planes through the light and the edges 01, 12, 20, each `low x high` by vertex number;
 /// `9..12` normal of the triangle, away from the light; `12` its plane, farther by [`RELATIVE_EPSILON`];
 /// `13..16` flags of the three edges: sign bit set where the triangle lies right of `low -> high`; in `13` also
-/// [`FRONT`], [`BACK`], [`AWAY`].
+/// [`FRONT`], [`BACK`], [`AWAY`], and from bit [`FACES_SHIFT`] on the faces around the light that it can shadow.
 pub const TRIANGLE_WORDS: u32 = 16;
 
 /// The triangle is a layer of the sum F.
@@ -23,6 +23,8 @@ pub const FRONT: i32 = 1;
 pub const BACK: i32 = 2;
 /// The determinant of its corners is positive: it faces away from the light.
 pub const AWAY: i32 = 4;
+/// Where in the flags the bits of the faces begin.
+pub const FACES_SHIFT: i32 = 8;
 
 /// `a . b`, in the one order of operations that all kernels share: predicates must agree to the last bit.
 #[inline(always)]

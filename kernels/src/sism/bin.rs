@@ -9,7 +9,7 @@ use super::Frame;
 use super::layout::{CHILDREN, EDGE_WORDS, Layout};
 use super::touch::{Edge, FaceFrame, Touch, Triangle};
 use crate::columns::{lanes_below, lower};
-use crate::plane::{BACK, FRONT, TRIANGLE_WORDS};
+use crate::plane::{BACK, FACES_SHIFT, FRONT, TRIANGLE_WORDS};
 
 /// Triangles or edges of a task.
 const TASK: u32 = 64;
@@ -65,7 +65,9 @@ impl Kernel for Bin {
                 let flags = v.s_load(layout.triangle_records.plus(52), index);
                 let counted = v.s_and(flags, layers);
                 if v.branch(Compare::NotEqual, counted, none) {
-                    self.descend::<V, Triangle<V>>(v, layout.triangle_records, index, i, 0);
+                    let shift = v.s_imm(FACES_SHIFT);
+                    let faces = v.s_shr(flags, shift);
+                    self.descend::<V, Triangle<V>>(v, (layout.triangle_records, index), faces, i, 0);
                 }
                 i = v.s_add(i, one);
             }
@@ -78,7 +80,9 @@ impl Kernel for Bin {
             let words = v.s_imm(EDGE_WORDS as i32);
             while v.branch(Compare::Less, i, end) {
                 let index = v.s_mul(i, words);
-                self.descend::<V, Edge<V>>(v, layout.edge_records, index, i, layout.bin_count);
+                let faces = v.s_load(layout.edge_records.plus(52), index);
+                let record = (layout.edge_records, index);
+                self.descend::<V, Edge<V>>(v, record, faces, i, layout.bin_count);
                 i = v.s_add(i, one);
             }
         }
@@ -86,13 +90,14 @@ impl Kernel for Bin {
 }
 
 impl Bin {
-    /// Adds primitive `number`, record `index`, to the bins that it touches, whose lists begin at `first_list`.
+    /// Adds primitive `number`, whose record is given, to the bins of `faces` (a bit each) that it touches, whose lists
+    /// begin at `first_list`.
     #[inline(always)]
     fn descend<V: Vpu, P: Touch<V>>(
         &self,
         v: &mut V,
-        records: Addr,
-        index: V::S32,
+        (records, index): (Addr, V::S32),
+        faces: V::S32,
         number: V::S32,
         first_list: u32,
     ) {
@@ -102,6 +107,11 @@ impl Bin {
         let four = v.s_imm(4);
         let sixteen = v.s_imm(16);
         for grid in &layout.faces[..layout.face_count as usize] {
+            let bit = v.s_imm(1 << grid.face);
+            let here = v.s_and(faces, bit);
+            if v.branch(Compare::Equal, here, none) {
+                continue;
+            }
             let primitive = P::set_up(v, &layout.light, FaceFrame::new(grid), records, index);
             let mut group = v.s_imm((grid.first_bin / CHILDREN) as i32);
             let end = v.s_imm(((grid.first_bin + grid.bins_padded()) / CHILDREN) as i32);

@@ -123,7 +123,8 @@ pub fn nodes(frame: &mut Frame, arena: &mut Arena) -> Step {
     layout.cells = Columns::new(arena, NODE_COLUMNS, layout.cell_count());
     layout.blocks = Columns::new(arena, NODE_COLUMNS, layout.block_count());
     layout.bins = Columns::new(arena, NODE_COLUMNS, layout.bin_count);
-    layout.groups = Columns::new(arena, NODE_COLUMNS, (layout.bin_count / CHILDREN).next_multiple_of(16) + 16);
+    layout.groups =
+        Columns::new(arena, NODE_COLUMNS, (layout.bin_count / CHILDREN).next_multiple_of(16) + 16);
     Step {
         name: "cell depths",
         ordering: Ordering::Independent,
@@ -177,8 +178,9 @@ fn write_tables(layout: &mut Layout, arena: &mut Arena) {
     layout.face_table = arena.alloc(8 * ROWS);
     layout.bin_table = Columns::new(arena, 3, layout.bin_count);
     for grid in &layout.faces[..layout.face_count as usize] {
-        let mut put =
-            |r: u64, bits: u32| arena.write_u32(row(layout.face_table, r).plus(4 * u64::from(grid.face)), bits);
+        let mut put = |r: u64, bits: u32| {
+            arena.write_u32(row(layout.face_table, r).plus(4 * u64::from(grid.face)), bits)
+        };
         put(ORIGIN_X, grid.origin[0].to_bits());
         put(ORIGIN_Y, grid.origin[1].to_bits());
         put(PER_CELL_X, (1.0 / grid.cell[0]).to_bits());
@@ -535,7 +537,15 @@ impl Kernel for Nodes {
             store_nodes(v, all, layout.cells, first_cell, [x, y], [cell_x, cell_y], depth);
         }
         let block_size = [block_x, block_y];
-        store_nodes(v, all, layout.blocks, first_block, [block_center_x, block_center_y], block_size, block_depth);
+        store_nodes(
+            v,
+            all,
+            layout.blocks,
+            first_block,
+            [block_center_x, block_center_y],
+            block_size,
+            block_depth,
+        );
 
         // The bin itself.
         let bit = v.s_imm(1);

@@ -36,13 +36,7 @@ impl Kernel for Hard {
 
 impl PerVector for Hard {
     #[inline(always)]
-    fn vector<V: Vpu>(
-        &self,
-        v: &mut V,
-        samples: &Samples<V>,
-        records: (V::S32, V::S32),
-        depth: V::S32,
-    ) {
+    fn vector<V: Vpu>(&self, v: &mut V, samples: &Samples<V>, records: (V::S32, V::S32), depth: V::S32) {
         let layout = &self.layout;
         let two = v.s_imm(2);
         let words = v.s_imm(TRIANGLE_WORDS as i32);
@@ -89,8 +83,5 @@ pub fn count_layers<V: Vpu>(
     let shift = v.vset_i32(BACK.trailing_zeros() as i32);
     let back = v.vsrl(flags, shift);
     let back = v.vand(back, one);
-    [
-        v.viadd_or(layers[0], covered, layers[0], front),
-        v.viadd_or(layers[1], covered, layers[1], back),
-    ]
+    [v.viadd_or(layers[0], covered, layers[0], front), v.viadd_or(layers[1], covered, layers[1], back)]
 }

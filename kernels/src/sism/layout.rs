@@ -20,8 +20,12 @@ pub const SLICES: u32 = 4;
 pub const FACES: u32 = 6;
 
 /// Words of an edge's record: `0..3` and `3..6` the ends, `6..9` normal of the plane through the light, `9` and `10`
-/// weights in F and B, `11` least distance from the light.
+/// weights in F and B, `11` least distance from the light, `12` what is added before its part is rounded, `13` a bit for
+/// each face that it can touch.
 pub const EDGE_WORDS: u32 = 16;
+
+/// Rounding of positions about a receiver, relative to the largest coordinate of receivers, with a factor of eight to spare.
+const POSITION_SLACK: f32 = 1e-6;
 
 /// Side of a tile of the eye's picture, in pixels.
 const TILE: u32 = 32;
@@ -57,7 +61,7 @@ pub struct LightConstants {
     pub disc: Disc,
     /// Radius, 0 for a point.
     pub radius: f32,
-    /// Radius for the bound of a penumbra: larger for a disc that does not face the receivers.
+    /// Radius for the bound of a penumbra: larger by rounding, and for a disc that does not face the receivers.
     pub bound_radius: f32,
 }
 
@@ -226,6 +230,10 @@ impl Layout {
         // sin phi (1 - r/|p|) <= r (1/|v| - cos phi/|p|), and |p| > |v| > 2.5 r wherever the bound is used.
         let bound_radius =
             if disc == Disc::Facing { input.light_radius } else { input.light_radius * (5.0 / 3.0) };
+        // The receiver is subtracted from the ends of an edge: they are rounded by its distance from the light, which for
+        // ends near the light is as if the light were larger.
+        let farthest = input.receivers.iter().flatten().fold(0.0_f32, |far, x| far.max(x.abs()));
+        let bound_radius = bound_radius + POSITION_SLACK * farthest;
         let pixels = input.width * input.height;
         let empty = Columns::default();
         Layout {

@@ -115,12 +115,7 @@ pub fn program(input: &ShadowInput, options: &Options, arena: &mut Arena) -> Pro
                 grid::groups,
             ],
         ),
-        phase(
-            "bin",
-            "binning",
-            false,
-            vec![bin::count, scan_blocks, scan_totals, scan_offsets, bin::fill],
-        ),
+        phase("bin", "binning", false, vec![bin::count, scan_blocks, scan_totals, scan_offsets, bin::fill]),
         phase(
             "raster",
             "light-view rasterization",

@@ -24,13 +24,7 @@ pub struct Samples<V: Vpu> {
 pub trait PerVector {
     /// Handles records `first..end` (in pairs of words) for `samples`, of which the deepest is at `depth` (the bits of a
     /// positive float, which order like integers).
-    fn vector<V: Vpu>(
-        &self,
-        v: &mut V,
-        samples: &Samples<V>,
-        records: (V::S32, V::S32),
-        depth: V::S32,
-    );
+    fn vector<V: Vpu>(&self, v: &mut V, samples: &Samples<V>, records: (V::S32, V::S32), depth: V::S32);
 }
 
 /// Runs task `task` of `runs` over the records of kind `kind` (0 triangles, 1 edges).

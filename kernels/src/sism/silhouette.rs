@@ -7,8 +7,10 @@ use lrbsim_isa::{Arena, Compare, Kernel, Ordering, Step, Vpu, math};
 
 use super::Frame;
 use super::layout::{EDGE_WORDS, Layout};
+use super::soft::rounding_offset;
+use super::touch::{faces_of_edges, faces_of_triangles};
 use crate::columns::lanes_below;
-use crate::plane::{AWAY, RELATIVE_EPSILON, TRIANGLE_WORDS, Vec3, cross, dot, sub};
+use crate::plane::{AWAY, FACES_SHIFT, RELATIVE_EPSILON, TRIANGLE_WORDS, Vec3, cross, dot, sub};
 
 /// Triangles or edges of a task.
 const TASK: u32 = 256;
@@ -123,19 +125,30 @@ impl Kernel for Triangles {
             let number = v.viadd(base, lane);
             let at = v.vimul(number, words);
             let pairs = [(0, 1, a, b), (1, 2, b, c), (2, 0, c, a)];
+            let mut inward = [[zero; 3]; 3];
+            let mut flags = [layers; 3];
             for (edge, (from, to, start, end)) in pairs.into_iter().enumerate() {
-                let edge = edge as u64;
                 let swapped = v.vicmp_gt(corners[from], corners[to]);
                 let plane_normal = cross(v, start, end);
                 for (axis, x) in plane_normal.into_iter().enumerate() {
+                    // Left of start -> end is inside for a triangle that faces away.
+                    inward[edge][axis] = v.vsub_or(x, toward, zero, x);
                     let x = v.vsub_or(x, swapped, zero, x);
-                    v.vscatter_f32(live, layout.triangle_records.plus(12 * edge + 4 * axis as u64), at, x);
+                    let word = 12 * edge as u64 + 4 * axis as u64;
+                    v.vscatter_f32(live, layout.triangle_records.plus(word), at, x);
                 }
                 // Right of low -> high: towards the light and in order, or away and swapped.
                 let right = v.kxor(toward, swapped);
                 let flag = if edge == 0 { layers } else { v.vset_i32(0) };
-                let flag = v.vor_or(flag, right, flag, sign_bit);
-                v.vscatter_i32(live, layout.triangle_records.plus(52 + 4 * edge), at, flag);
+                flags[edge] = v.vor_or(flag, right, flag, sign_bit);
+            }
+            // Faces that it can shadow, so that binning skips the others.
+            let faces = faces_of_triangles(v, inward);
+            let shift = v.vset_i32(FACES_SHIFT);
+            let faces = v.vsll(faces, shift);
+            flags[0] = v.vor(flags[0], faces);
+            for (edge, flag) in flags.into_iter().enumerate() {
+                v.vscatter_i32(live, layout.triangle_records.plus(52 + 4 * edge as u64), at, flag);
             }
             for (axis, x) in outward.into_iter().enumerate() {
                 v.vscatter_f32(live, layout.triangle_records.plus(36 + 4 * axis as u64), at, x);
@@ -320,6 +333,10 @@ impl Kernel for Records {
             v.vscatter_i32(live, layout.edge_records.plus(36), at, front);
             v.vscatter_i32(live, layout.edge_records.plus(40), at, behind);
             v.vscatter_f32(live, layout.edge_records.plus(44), at, least);
+            let offset = rounding_offset(v, number);
+            v.vscatter_f32(live, layout.edge_records.plus(48), at, offset);
+            let faces = faces_of_edges(v, &layout.light, a, b);
+            v.vscatter_i32(live, layout.edge_records.plus(52), at, faces);
             i = v.s_add(i, step);
         }
     }

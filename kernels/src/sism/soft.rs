@@ -39,13 +39,7 @@ impl Kernel for Soft {
 
 impl PerVector for Soft {
     #[inline(always)]
-    fn vector<V: Vpu>(
-        &self,
-        v: &mut V,
-        samples: &Samples<V>,
-        records: (V::S32, V::S32),
-        depth: V::S32,
-    ) {
+    fn vector<V: Vpu>(&self, v: &mut V, samples: &Samples<V>, records: (V::S32, V::S32), depth: V::S32) {
         let layout = &self.layout;
         let two = v.s_imm(2);
         let words = v.s_imm(EDGE_WORDS as i32);
@@ -100,10 +94,8 @@ pub fn add_edge<V: Vpu>(
     if !v.branch_any(live) {
         return coverage;
     }
-    let whole = v.vset_f32(WHOLE);
-    let fixed = v.vmul(f, whole);
-    let fixed = v.vround(fixed);
-    let fixed = v.vcvt_f32_i32(fixed);
+    let offset = v.vbroadcast_f32(at.0.plus(48), at.1);
+    let fixed = fixed(v, f, offset);
 
     // Weight counts faces on the left: -F for those on whose side the centre is, +F for the others.
     let normal = broadcast3(v, at.0.plus(24), at.1);
@@ -115,8 +107,28 @@ pub fn add_edge<V: Vpu>(
     let back = v.vbroadcast_i32(at.0.plus(40), at.1);
     let front = v.vimul(front, signed);
     let back = v.vimul(back, signed);
-    [
-        v.viadd_or(coverage[0], live, coverage[0], front),
-        v.viadd_or(coverage[1], live, coverage[1], back),
-    ]
+    [v.viadd_or(coverage[0], live, coverage[0], front), v.viadd_or(coverage[1], live, coverage[1], back)]
+}
+
+/// Part `f` of the disc in fixed point, rounded after `offset` is added, see [`rounding_offset`].
+#[inline(always)]
+pub fn fixed<V: Vpu>(v: &mut V, f: V::F32, offset: V::F32) -> V::I32 {
+    let whole = v.vset_f32(WHOLE);
+    let scaled = v.vmadd(f, whole, offset);
+    let rounded = v.vround(scaled);
+    v.vcvt_f32_i32(rounded)
+}
+
+/// What edge `number` adds before it rounds, in (-1/2, 1/2): multiples of the golden ratio, as even as can be.
+///
+/// Ten thousand equal terms (the edges of a regular body) would else all round the same way, and their sum be off by
+/// 1e-4 of the light [algorithms, 6.9]. A part of 0 stays 0.
+#[inline(always)]
+pub fn rounding_offset<V: Vpu>(v: &mut V, number: V::I32) -> V::F32 {
+    let golden = v.vset_i32(0x9e37_79b9_u32 as i32);
+    let turned = v.vimul(number, golden);
+    let turned = v.vcvt_i32_f32(turned);
+    // Below 2^-32, so that the greatest stays below a half.
+    let unit = v.vset_f32(0.999_999 / 4_294_967_296.0);
+    v.vmul(turned, unit)
 }

@@ -7,7 +7,7 @@
 
 use lrbsim_isa::{Addr, Vpu, math};
 
-use super::layout::{CENTER_X, CENTER_Y, DEPTH, FaceGrid, HALF_X, HALF_Y, LightConstants, REACH};
+use super::layout::{CENTER_X, CENTER_Y, DEPTH, FACES, FaceGrid, HALF_X, HALF_Y, LightConstants, REACH};
 use crate::columns::Columns;
 
 /// Rounding of a dot product of three terms, relative to the sum of their sizes, with a factor of four to spare.
@@ -51,6 +51,9 @@ impl FaceFrame {
         let x = v.vbroadcast_f32(records.plus(4 * self.words[0]), index);
         let y = v.vbroadcast_f32(records.plus(4 * self.words[1]), index);
         let z = v.vbroadcast_f32(records.plus(4 * self.words[2]), index);
+        if self.sign > 0.0 {
+            return [x, y, z];
+        }
         let sign = v.vset_f32(self.sign);
         [x, y, v.vmul(z, sign)]
     }
@@ -242,15 +245,7 @@ impl<V: Vpu> Touch<V> for Edge<V> {
         let cos2 = v.vnmadd(sin, sin, one);
         let cos2 = v.vmax(cos2, zero);
         let cos = math::sqrt(v, cos2);
-        let edge = Edge {
-            from,
-            along,
-            per_length2,
-            near_width,
-            far_width: zero,
-            in_front,
-            everywhere,
-        };
+        let edge = Edge { from, along, per_length2, near_width, far_width: zero, in_front, everywhere };
         let origin_distance2 = edge.distance2(v, [zero, zero]);
         let reach2 = v.vadd(origin_distance2, one);
         let reach = math::sqrt(v, reach2);
@@ -291,13 +286,98 @@ impl<V: Vpu> Touch<V> for Edge<V> {
         // Wedge test [algorithms, 2.7]: the depth at which the penumbra reaches the rectangle.
         let wide = v.vadd(widest, slack);
         let left = v.vsub(wide, distance);
-        let per_left = v.vrcp(left);
-        let start = v.vmul(self.far_width, per_left);
-        let reached = v.vcmp_gt(left, zero);
-        let far = v.vset_f32(FAR);
-        let start = v.vblend_f32(reached, start, far);
+        let start = wedge_start(v, self.far_width, left);
         (touched, v.vblend_f32(self.everywhere, zero, start))
     }
+}
+
+/// Least depth of a receiver in a column that a penumbra touches: `far_width / left`, where `left` is the half width at
+/// infinite depth less the distance of the column [algorithms, 2.7]. Farther than any receiver where `left` is not
+/// positive.
+#[inline(always)]
+pub fn wedge_start<V: Vpu>(v: &mut V, far_width: V::F32, left: V::F32) -> V::F32 {
+    let zero = v.vset_f32(0.0);
+    let far = v.vset_f32(FAR);
+    let per_left = v.vrcp(left);
+    let start = v.vmul(far_width, per_left);
+    let reached = v.vcmp_gt(left, zero);
+    v.vblend_f32(reached, start, far)
+}
+
+/// Faces that can hold a receiver inside the three edge planes of 16 triangles, a bit each by number of the face.
+///
+/// `inward`: normals of the edge planes, turned inward. Receivers of a face have no coordinate larger than their depth:
+/// the test is that of [`Triangle`] for the whole face, all six at once.
+#[inline(always)]
+pub fn faces_of_triangles<V: Vpu>(v: &mut V, inward: [[V::F32; 3]; 3]) -> V::I32 {
+    let slack = v.vset_f32(-DOT_SLACK);
+    let mut touched = [v.mask_all(); FACES as usize];
+    for normal in inward {
+        let size = [v.vabs(normal[0]), v.vabs(normal[1]), v.vabs(normal[2])];
+        let sum = v.vadd(size[0], size[1]);
+        let sum = v.vadd(sum, size[2]);
+        let least = v.vmul(sum, slack);
+        for axis in 0..3 {
+            let across = v.vsub(sum, size[axis]);
+            let ahead = v.vadd(across, normal[axis]);
+            let behind = v.vsub(across, normal[axis]);
+            touched[2 * axis] = v.vcmp_ge_masked(touched[2 * axis], ahead, least);
+            touched[2 * axis + 1] = v.vcmp_ge_masked(touched[2 * axis + 1], behind, least);
+        }
+    }
+    face_bits(v, touched)
+}
+
+/// Faces that can hold a receiver whose penumbra an edge touches, a bit each by number of the face; 16 edges `a -> b`.
+///
+/// A face lies on one side of each of four planes through the light, `depth +- x >= 0` and `depth +- y >= 0`; no point of
+/// the light is beyond such a plane by more than its radius. Hence no point between the light and a receiver of the face
+/// is either, and an edge with both ends farther out touches none of them.
+#[inline(always)]
+pub fn faces_of_edges<V: Vpu>(v: &mut V, light: &LightConstants, a: [V::F32; 3], b: [V::F32; 3]) -> V::I32 {
+    // Of the sums below, which are sqrt 2 times a distance; wider by their rounding.
+    let reach = v.vset_f32(-light.bound_radius * (core::f32::consts::SQRT_2 * (1.0 + WIDTH_SLACK)));
+    let slack = v.vset_f32(-DOT_SLACK);
+    let largest = |v: &mut V, p: [V::F32; 3]| {
+        let size = [v.vabs(p[0]), v.vabs(p[1]), v.vabs(p[2])];
+        let yz = v.vmax(size[1], size[2]);
+        v.vmax(size[0], yz)
+    };
+    let (of_a, of_b) = (largest(v, a), largest(v, b));
+    let size = v.vmax(of_a, of_b);
+    let reach = v.vmadd(size, slack, reach);
+    let zero = v.vset_f32(0.0);
+    let minus = |v: &mut V, p: [V::F32; 3]| [v.vsub(zero, p[0]), v.vsub(zero, p[1]), v.vsub(zero, p[2])];
+    let (minus_a, minus_b) = (minus(v, a), minus(v, b));
+    let mut touched = [v.mask_none(); FACES as usize];
+    for axis in 0..3 {
+        for (face, ends) in [(2 * axis, [&a, &b]), (2 * axis + 1, [&minus_a, &minus_b])] {
+            let mut here = v.mask_all();
+            for other in [(axis + 1) % 3, (axis + 2) % 3] {
+                let mut sum = |p: &[V::F32; 3]| v.vadd(p[axis], p[other]);
+                let sums = [sum(ends[0]), sum(ends[1])];
+                let farthest = v.vmax(sums[0], sums[1]);
+                here = v.vcmp_ge_masked(here, farthest, reach);
+                let mut difference = |p: &[V::F32; 3]| v.vsub(p[axis], p[other]);
+                let differences = [difference(ends[0]), difference(ends[1])];
+                let farthest = v.vmax(differences[0], differences[1]);
+                here = v.vcmp_ge_masked(here, farthest, reach);
+            }
+            touched[face] = here;
+        }
+    }
+    face_bits(v, touched)
+}
+
+/// Masks by face as bits by lane.
+#[inline(always)]
+fn face_bits<V: Vpu>(v: &mut V, touched: [V::Mask; FACES as usize]) -> V::I32 {
+    let mut bits = v.vset_i32(0);
+    for (face, touched) in touched.into_iter().enumerate() {
+        let bit = v.vset_i32(1 << face);
+        bits = v.vor_or(bits, touched, bits, bit);
+    }
+    bits
 }
 
 impl<V: Vpu> Edge<V> {

@@ -172,7 +172,7 @@ impl<'a, L: Lanes, E: Emit> Backend<'a, L, E> {
             producers[0] = mask;
             producers[2..2 + N].copy_from_slice(&operands);
             let new = self.emit.alu(Class::VectorAlu, producers);
-            let lines = self.lines_indexed(winners, base, index.v);
+            self.emit.repeat_lines::<L>(lines);
             self.emit.under_mask(winners);
             self.emit.reads([index.id, new]);
             let done = self.emit.memory(Class::AtomicScatter, [mask, index.id, new], lines);

@@ -25,6 +25,8 @@ pub trait Emit {
     fn line(&mut self, line: u32);
     /// The distinct lines among those of the active lanes, in lane order, of the memory uop to come; how many.
     fn distinct_lines<L: Lanes>(&mut self, k: u16, lines: L::I) -> u8;
+    /// The `count` lines of the memory uop just emitted once more, for the memory uop to come.
+    fn repeat_lines<L: Lanes>(&mut self, count: u8);
     /// The uop to come reads these vector registers: they are taken until then.
     fn reads<const N: usize>(&mut self, vectors: [Self::Id; N]);
     /// The vector uop to come runs under mask `k`.
@@ -100,6 +102,8 @@ impl Emit for Count<'_> {
         0
     }
     #[inline(always)]
+    fn repeat_lines<L: Lanes>(&mut self, _: u8) {}
+    #[inline(always)]
     fn reads<const N: usize>(&mut self, _: [(); N]) {}
     #[inline(always)]
     fn under_mask(&mut self, k: u16) {
@@ -110,35 +114,52 @@ impl Emit for Count<'_> {
 /// Id of the first uop of a task. More than [`DISTANCE_MAX`], so that id 0, a constant, is always too far back to name.
 const FIRST_ID: u32 = DISTANCE_MAX + 2;
 
-/// Most uops of one task: far more than the 64 K that a kernel should keep to, and a bound on what a runaway loop costs.
-pub const TASK_UOPS_MAX: u32 = 1 << 23;
+/// Most uops of one task where the host gives the address space: far more than the 64 K that a kernel should keep to, and
+/// more than fit the memory of most hosts.
+const TASK_UOPS_MAX: u32 = 1 << 30;
 
-/// Most lines of one task.
-pub const TASK_LINES_MAX: u32 = 1 << 24;
+/// The least that a host must have room for.
+const TASK_UOPS_MIN: u32 = 1 << 20;
 
-/// Where one host thread records: as large as the largest task may get, committed by the operating system as touched.
+/// Where one host thread records: address space for the largest task, committed by the operating system as touched.
 ///
-/// The size is fixed so that a full buffer ends the run: a buffer that could move would have to be reloaded after every
-/// uop, and nothing could be kept in host registers across the call that moves it.
+/// A buffer that grew by moving would have to be reloaded after every uop, and nothing could be kept in host registers
+/// across the call that moves it. So it never moves; it grows by being touched.
 #[derive(Debug)]
 pub(crate) struct Buffers {
+    /// Keeps the pages alive; all below point into it.
+    _map: memmap2::MmapMut,
+    /// Ids below this have a place.
+    end_id: u32,
     /// Uops by id.
-    uops: Vec<u32>,
+    uops: *mut u32,
     /// The id of the last reader of each vector register by the id of its maker; 0 between tasks.
-    last_reader: Vec<u32>,
+    last_reader: *mut u32,
     /// How many vector registers have their last reader at each id; 0 between tasks.
-    ends: Vec<u8>,
-    lines: Vec<u32>,
+    ends: *mut u8,
+    /// Room for the lines of as many uops, each with all it can have, and then one vector.
+    lines: *mut u32,
 }
 
 impl Buffers {
-    fn new() -> Buffers {
-        let uops = (FIRST_ID + TASK_UOPS_MAX) as usize;
-        Buffers {
-            uops: vec![0; uops],
-            last_reader: vec![0; uops],
-            ends: vec![0; uops],
-            lines: vec![0; TASK_LINES_MAX as usize],
+    /// Room for `uops_max` uops, or for fewer on a host with an address-space limit.
+    fn new(mut uops_max: u32) -> Buffers {
+        loop {
+            let ids = (FIRST_ID + uops_max) as usize;
+            let lines = LANES * ids + LANES;
+            let bytes = 4 * ids + 4 * ids + 4 * lines + ids;
+            match memmap2::MmapOptions::new().len(bytes).no_reserve_swap().map_anon() {
+                Ok(mut map) => {
+                    let uops = map.as_mut_ptr().cast::<u32>();
+                    let last_reader = uops.wrapping_add(ids);
+                    let first_line = last_reader.wrapping_add(ids);
+                    let ends = first_line.wrapping_add(lines).cast();
+                    let end_id = FIRST_ID + uops_max;
+                    return Buffers { _map: map, end_id, uops, last_reader, ends, lines: first_line };
+                }
+                Err(_) if uops_max > TASK_UOPS_MIN => uops_max /= 2,
+                Err(error) => panic!("the host refuses {bytes} bytes of address space for a task: {error}"),
+            }
         }
     }
 
@@ -147,7 +168,7 @@ impl Buffers {
         thread_local! {
             static BUFFERS: Cell<Option<Box<Buffers>>> = const { Cell::new(None) };
         }
-        let mut buffers = BUFFERS.take().unwrap_or_else(|| Box::new(Buffers::new()));
+        let mut buffers = BUFFERS.take().unwrap_or_else(|| Box::new(Buffers::new(TASK_UOPS_MAX)));
         let result = record(&mut buffers);
         BUFFERS.set(Some(buffers));
         result
@@ -155,17 +176,31 @@ impl Buffers {
 
     /// Appends what a task left here to `stream`, spills included, and makes the buffers ready for the next task.
     #[inline(always)]
+    #[expect(unsafe_code, reason = "the filled part of the buffers as slices")]
     pub(crate) fn finish(&mut self, recorded: Recorded, stream: &mut Stream) {
         let (first, next) = (FIRST_ID as usize, recorded.next as usize);
-        stream.uops.extend_from_slice(&self.uops[first..next]);
-        stream.lines.extend_from_slice(&self.lines[..recorded.lines as usize]);
-        stream.lanes_masked += recorded.lanes_masked;
-        stream.lanes_active += LANES as u64 * recorded.vector_uops - recorded.lanes_masked;
-        let pressure = spill::pressure(&self.last_reader[..next], &mut self.ends[..next], first);
+        assert!(recorded.next <= self.end_id && recorded.lines as usize <= LANES * next);
+        // SAFETY: all bytes were zero from the start, and the lengths lie inside the map, asserted above; the four parts
+        // do not overlap, and `&mut self` is the only way to them.
+        let (uops, last_reader, ends, lines) = unsafe {
+            (
+                core::slice::from_raw_parts(self.uops, next),
+                core::slice::from_raw_parts_mut(self.last_reader, next),
+                core::slice::from_raw_parts_mut(self.ends, next),
+                core::slice::from_raw_parts(self.lines, recorded.lines as usize),
+            )
+        };
+        stream.uops.extend_from_slice(&uops[first..]);
+        stream.lines.extend_from_slice(lines);
+        let slots = LANES as u64;
+        let lanes_masked = slots * recorded.masked_uops - recorded.masked_lanes_active;
+        stream.lanes_masked += lanes_masked;
+        stream.lanes_active += slots * recorded.vector_uops - lanes_masked;
+        let pressure = spill::pressure(last_reader, ends, first);
         stream.live_vectors_max = stream.live_vectors_max.max(pressure.live_max);
         spill::charge(stream, pressure.spills);
-        self.last_reader[..next].fill(0);
-        self.ends[..next].fill(0);
+        last_reader.fill(0);
+        ends.fill(0);
     }
 }
 
@@ -175,7 +210,9 @@ pub(crate) struct Recorded {
     next: u32,
     lines: u32,
     vector_uops: u64,
-    lanes_masked: u64,
+    /// Uops under a mask, and their lanes that did work.
+    masked_uops: u64,
+    masked_lanes_active: u64,
 }
 
 /// Appends a uop to a host thread's buffers for every operation; values carry the id of their producer.
@@ -187,6 +224,7 @@ pub struct Record<'a> {
     uops: *mut u32,
     last_reader: *mut u32,
     lines: *mut u32,
+    end_id: u32,
     recorded: Recorded,
     buffers: PhantomData<&'a mut Buffers>,
 }
@@ -195,16 +233,18 @@ impl<'a> Record<'a> {
     /// Starts a task in `buffers`.
     #[inline(always)]
     pub(crate) fn new(buffers: &'a mut Buffers) -> Self {
-        let size = (FIRST_ID + TASK_UOPS_MAX) as usize;
-        assert!(
-            buffers.uops.len() == size && buffers.last_reader.len() == size && buffers.ends.len() == size
-        );
-        assert!(buffers.lines.len() == TASK_LINES_MAX as usize);
         Record {
-            uops: buffers.uops.as_mut_ptr(),
-            last_reader: buffers.last_reader.as_mut_ptr(),
-            lines: buffers.lines.as_mut_ptr(),
-            recorded: Recorded { next: FIRST_ID, lines: 0, vector_uops: 0, lanes_masked: 0 },
+            uops: buffers.uops,
+            last_reader: buffers.last_reader,
+            lines: buffers.lines,
+            end_id: buffers.end_id,
+            recorded: Recorded {
+                next: FIRST_ID,
+                lines: 0,
+                vector_uops: 0,
+                masked_uops: 0,
+                masked_lanes_active: 0,
+            },
             buffers: PhantomData,
         }
     }
@@ -226,10 +266,10 @@ impl<'a> Record<'a> {
     #[expect(unsafe_code, reason = "a checked push would keep the length in host memory")]
     fn push(&mut self, class: Class, word: u32) -> u32 {
         let id = self.recorded.next;
-        if id >= FIRST_ID + TASK_UOPS_MAX {
-            too_many("uops", TASK_UOPS_MAX);
+        if id >= self.end_id {
+            too_many_uops(self.end_id);
         }
-        // SAFETY: `new` asserted the size of the buffer, `id` lies inside it.
+        // SAFETY: ids below `end_id` have a place.
         unsafe { self.uops.add(id as usize).write(Uop(word).0) };
         self.recorded.next = id.wrapping_add(1);
         self.recorded.vector_uops = self.recorded.vector_uops.wrapping_add(u64::from(class.is_vector()));
@@ -239,8 +279,8 @@ impl<'a> Record<'a> {
 
 #[cold]
 #[inline(never)]
-fn too_many(what: &str, max: u32) -> ! {
-    panic!("a task has more than {max} {what}; its kernel must split the work")
+fn too_many_uops(end_id: u32) -> ! {
+    panic!("a task has more than {} uops; its kernel must split the work", end_id - FIRST_ID)
 }
 
 /// The youngest three of `N` producers, in no order; the older ones have arrived when these have.
@@ -314,7 +354,7 @@ impl Emit for Record<'_> {
     fn reads<const N: usize>(&mut self, vectors: [u32; N]) {
         for id in vectors {
             debug_assert!(id < self.recorded.next, "a value of another task");
-            // SAFETY: ids come from `push`, so they lie inside the buffer, which `new` found as long as that of uops.
+            // SAFETY: ids come from `push`, so they lie inside the buffer, which is as long as that of uops.
             unsafe { self.last_reader.add(id as usize).write(self.recorded.next) };
         }
     }
@@ -323,10 +363,7 @@ impl Emit for Record<'_> {
     #[expect(unsafe_code, reason = "a checked push would keep the length in host memory")]
     fn line(&mut self, line: u32) {
         let at = self.recorded.lines;
-        if at >= TASK_LINES_MAX {
-            too_many("lines", TASK_LINES_MAX);
-        }
-        // SAFETY: `new` asserted the size of the buffer, `at` lies inside it.
+        // SAFETY: there is room for 16 lines of every uop, and `push` stops a task before there are more uops.
         unsafe { self.lines.add(at as usize).write(line) };
         self.recorded.lines = at.wrapping_add(1);
     }
@@ -335,24 +372,37 @@ impl Emit for Record<'_> {
     #[expect(unsafe_code, reason = "a checked push would keep the length in host memory")]
     fn distinct_lines<L: Lanes>(&mut self, k: u16, lines: L::I) -> u8 {
         let at = self.recorded.lines;
-        if at > TASK_LINES_MAX - LANES as u32 {
-            too_many("lines", TASK_LINES_MAX);
-        }
-        // SAFETY: `new` asserted the size of the buffer, 16 words from `at` on lie inside it.
+        // SAFETY: as in `line`; past the last there is room for one vector more.
         let count = unsafe { L::store_distinct(k, self.lines.add(at as usize).cast(), lines) };
         self.recorded.lines = at.wrapping_add(count);
         count as u8
     }
 
     #[inline(always)]
+    #[expect(unsafe_code, reason = "a checked push would keep the length in host memory")]
+    fn repeat_lines<L: Lanes>(&mut self, count: u8) {
+        let at = self.recorded.lines;
+        debug_assert!(u32::from(count) <= at);
+        // SAFETY: as in `distinct_lines`; the last uop pushed `count` lines, so they lie before `at`.
+        unsafe {
+            let to = self.lines.add(at as usize);
+            L::store(to.cast(), L::load(to.sub(count as usize).cast()));
+        }
+        self.recorded.lines = at.wrapping_add(u32::from(count));
+    }
+
+    #[inline(always)]
     fn under_mask(&mut self, k: u16) {
-        self.recorded.lanes_masked = self.recorded.lanes_masked.wrapping_add(u64::from(k.count_zeros()));
+        self.recorded.masked_uops = self.recorded.masked_uops.wrapping_add(1);
+        self.recorded.masked_lanes_active =
+            self.recorded.masked_lanes_active.wrapping_add(u64::from(k.count_ones()));
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::lanes::Portable;
 
     #[test]
     fn the_youngest_producers_are_kept() {
@@ -420,12 +470,49 @@ mod tests {
     }
 
     #[test]
-    #[should_panic(expected = "must split the work")]
-    fn a_runaway_task_is_stopped() {
-        record(|record| {
-            loop {
-                record.alu(Class::ScalarAlu, []);
+    #[should_panic(expected = "more than 5000 uops; its kernel must split the work")]
+    fn a_task_beyond_the_address_space_is_stopped() {
+        let mut buffers = Buffers::new(5000);
+        let mut record = Record::new(&mut buffers);
+        loop {
+            record.alu(Class::ScalarAlu, []);
+        }
+    }
+
+    #[test]
+    fn the_last_uop_that_fits_may_have_all_its_lines() {
+        let mut buffers = Buffers::new(300);
+        let mut stream = Stream::default();
+        let mut record = Record::new(&mut buffers);
+        for uop in 0..300 {
+            let lines = record
+                .distinct_lines::<Portable>(u16::MAX, core::array::from_fn(|lane| 16 * uop + lane as i32));
+            record.memory(Class::Gather, [], lines);
+        }
+        let recorded = record.recorded();
+        buffers.finish(recorded, &mut stream);
+        assert_eq!(stream.uops.len(), 300);
+        assert_eq!(stream.lines, (0..300 * 16).collect::<Vec<u32>>());
+    }
+
+    #[test]
+    fn a_task_of_ten_million_uops_is_recorded_whole() {
+        const UOPS: u32 = 10_000_000;
+        let stream = record(|record| {
+            let mut before = record.alu(Class::VectorAlu, []);
+            for i in 1..UOPS {
+                record.reads([before]);
+                if i % 1000 == 0 {
+                    record.line(i);
+                    before = record.memory(Class::VectorLoad, [before], 1);
+                } else {
+                    before = record.alu(Class::VectorAlu, [before]);
+                }
             }
         });
+        assert_eq!(stream.uops.len(), UOPS as usize);
+        assert_eq!(stream.lines, (1000..UOPS).step_by(1000).collect::<Vec<u32>>());
+        assert!(stream.uops[1..].iter().all(|uop| uop >> 8 & 0xff == 1));
+        assert_eq!((stream.live_vectors_max, stream.lanes_active), (1, 16 * u64::from(UOPS)));
     }
 }

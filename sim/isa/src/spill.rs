@@ -18,31 +18,65 @@ pub(crate) struct Pressure {
     pub spills: u32,
 }
 
+/// Uops whose births and deaths are summed at once.
+const BLOCK: usize = 16;
+
 /// Counts the vector values live at once.
 ///
 /// `last_reader[id]` is the id of the last uop that reads the vector made by uop `id`, 0 when none does; ids begin at
 /// `first`. `ends` is scratch of the same length, all 0. A value is live from the uop that makes it to its last reader,
-/// whose result may take over its register. About 8 host instructions a uop: every recorded task passes here.
+/// whose result may take over its register. Every recorded task passes here: two host instructions a uop for the
+/// scatter, and a prefix sum that the host does 16 uops at a time.
 #[inline(always)]
-#[expect(unsafe_code, reason = "a bounds check a uop, on an index that was checked as a whole")]
 pub(crate) fn pressure(last_reader: &[u32], ends: &mut [u8], first: usize) -> Pressure {
     let next = last_reader.len();
     assert!(ends.len() == next && first <= next);
-    let (mut live, mut live_max) = (0u32, 0u32);
-    for id in first..next {
-        let last = last_reader[id] as usize;
-        debug_assert!(last < next);
-        live = live.wrapping_sub(u32::from(ends[id])).wrapping_add(u32::from(last != 0));
-        live_max = live_max.max(live);
-        // A value without a reader ends at 0, where nobody looks.
-        // SAFETY: readers are uops of this task, whose ids are below `next`.
-        unsafe {
-            let end = ends.get_unchecked_mut(last);
-            *end = end.wrapping_add(1);
-        }
+    count_ends(&last_reader[first..], ends);
+
+    let (made, made_rest) = last_reader[first..].as_chunks::<BLOCK>();
+    let (ended, ended_rest) = ends[first..].as_chunks::<BLOCK>();
+    let (mut live, mut live_max) = (0i32, 0i32);
+    for (made, ended) in made.iter().zip(ended) {
+        // `net[i]`: how many more are live after uop i of the block than before the block.
+        let mut net: [i16; BLOCK] = core::array::from_fn(|i| i16::from(made[i] != 0) - i16::from(ended[i]));
+        net = core::array::from_fn(|i| if i >= 1 { net[i] + net[i - 1] } else { net[i] });
+        net = core::array::from_fn(|i| if i >= 2 { net[i] + net[i - 2] } else { net[i] });
+        net = core::array::from_fn(|i| if i >= 4 { net[i] + net[i - 4] } else { net[i] });
+        net = core::array::from_fn(|i| if i >= 8 { net[i] + net[i - 8] } else { net[i] });
+        let max = net.into_iter().fold(i16::MIN, i16::max);
+        live_max = live_max.max(live + i32::from(max));
+        live += i32::from(net[BLOCK - 1]);
     }
+    for (last, ended) in made_rest.iter().zip(ended_rest) {
+        live += i32::from(*last != 0) - i32::from(*ended);
+        live_max = live_max.max(live);
+    }
+    let live_max = live_max as u32;
     let spills = if live_max > VECTOR_REGISTERS { count_spills(last_reader, ends, first) } else { 0 };
     Pressure { live_max, spills }
+}
+
+/// Adds one to `ends` for each of `readers`. A value without a reader ends at 0, where nobody looks.
+#[inline(always)]
+#[expect(unsafe_code, reason = "a bounds check a uop, on an index that is right by construction")]
+fn count_ends(readers: &[u32], ends: &mut [u8]) {
+    let mut count = |last: u32| {
+        debug_assert!((last as usize) < ends.len());
+        // SAFETY: readers are uops of this task, whose ids are below the length of `ends`.
+        unsafe {
+            let end = ends.get_unchecked_mut(last as usize);
+            *end = end.wrapping_add(1);
+        }
+    };
+    let (blocks, rest) = readers.as_chunks::<BLOCK>();
+    for block in blocks {
+        for &last in block {
+            count(last);
+        }
+    }
+    for &last in rest {
+        count(last);
+    }
 }
 
 /// The values made while all registers are taken, once `ends` is complete.

@@ -48,6 +48,68 @@ fn cast(a: I) -> F {
     halves!(_mm256_castsi256_ps, a)
 }
 
+/// Distinct values up to which one comparison with all lanes for each is cheaper than [`distinct_by_pairs`].
+const FEW: u32 = 4;
+
+/// [`Lanes::distinct`] by comparing all pairs of lanes: the same time however many values there are.
+#[inline(always)]
+fn distinct_by_pairs(k: u16, a: I) -> u16 {
+    if signs(cast(a)) & k != 0 {
+        // Negative numbers stand for lanes that are off, below. No index or line inside an arena is one.
+        return Portable::distinct(k, Avx2::to_i(a));
+    }
+    // SAFETY: the host has the instruction, see `Lanes`.
+    unsafe {
+        let ascending = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
+        let off = [
+            _mm256_sub_epi32(_mm256_set1_epi32(-8), ascending),
+            _mm256_sub_epi32(_mm256_set1_epi32(-16), ascending),
+        ];
+        let on = spread(k);
+        let a = [_mm256_blendv_epi8(off[0], a[0], on[0]), _mm256_blendv_epi8(off[1], a[1], on[1])];
+        let mut low = _mm256_setzero_si256();
+        let mut high = _mm256_cmpeq_epi32(a[1], a[0]);
+        for by in 1..8 {
+            let from = _mm256_sub_epi32(ascending, _mm256_set1_epi32(by));
+            let inside = _mm256_cmpgt_epi32(from, _mm256_set1_epi32(-1));
+            // Lane i has what lane i - by has, modulo 8.
+            let before = [_mm256_permutevar8x32_epi32(a[0], from), _mm256_permutevar8x32_epi32(a[1], from)];
+            low = _mm256_or_si256(low, _mm256_and_si256(inside, _mm256_cmpeq_epi32(a[0], before[0])));
+            let same = _mm256_and_si256(inside, _mm256_cmpeq_epi32(a[1], before[1]));
+            high = _mm256_or_si256(high, _mm256_or_si256(same, _mm256_cmpeq_epi32(a[1], before[0])));
+        }
+        k & !signs(cast([low, high]))
+    }
+}
+
+/// For each set of 8 lanes, the numbers of its lanes in order, a byte each; then zeros.
+static PACKED: [u64; 256] = {
+    let mut table = [0; 256];
+    let mut set = 0;
+    while set < 256 {
+        let (mut lane, mut at) = (0, 0);
+        while lane < 8 {
+            if set >> lane & 1 == 1 {
+                table[set] |= lane << at;
+                at += 8;
+            }
+            lane += 1;
+        }
+        set += 1;
+    }
+    table
+};
+
+/// The lanes of `set` at the front, in order.
+#[inline(always)]
+fn pack(a: __m256i, set: u16) -> __m256i {
+    // SAFETY: the host has the instruction, see `Lanes`.
+    unsafe {
+        let order = _mm_cvtsi64_si128(PACKED[usize::from(set & 0xff)] as i64);
+        _mm256_permutevar8x32_epi32(a, _mm256_cvtepu8_epi32(order))
+    }
+}
+
 impl Lanes for Avx2 {
     type F = F;
     type I = I;
@@ -259,12 +321,16 @@ impl Lanes for Avx2 {
     fn distinct(k: u16, a: I) -> u16 {
         let values = Self::to_i(a);
         let (mut live, mut first) = (k, 0);
-        while live != 0 {
+        // Most often there are few.
+        for _ in 0..FEW {
+            if live == 0 {
+                return first;
+            }
             let lane = live.trailing_zeros() as usize & 15;
             first |= 1 << lane;
             live &= !Self::ieq(a, Self::splat_i(values[lane]));
         }
-        first
+        if live == 0 { first } else { distinct_by_pairs(k, a) }
     }
     #[inline(always)]
     unsafe fn load(from: *const i32) -> I {
@@ -327,13 +393,27 @@ impl Lanes for Avx2 {
     unsafe fn store_distinct(k: u16, to: *mut i32, a: I) -> u32 {
         let values = Self::to_i(a);
         let (mut live, mut count) = (k, 0);
-        while live != 0 {
+        for _ in 0..FEW {
+            if live == 0 {
+                return count;
+            }
             let value = values[live.trailing_zeros() as usize & 15];
             // SAFETY: the caller vouches for 16 words, and every round takes a lane away.
             unsafe { to.add(count as usize).write_unaligned(value) };
             live &= !Self::ieq(a, Self::splat_i(value));
             count += 1;
         }
-        count
+        if live == 0 {
+            return count;
+        }
+        let first = distinct_by_pairs(k, a);
+        let low = first & 0xff;
+        // SAFETY: the caller vouches for 16 words: 8 at `to`, and 8 after at most 8 of them; the host has the
+        // instruction.
+        unsafe {
+            _mm256_storeu_si256(to.cast(), pack(a[0], low));
+            _mm256_storeu_si256(to.add(low.count_ones() as usize).cast(), pack(a[1], first >> 8));
+        }
+        first.count_ones()
     }
 }
