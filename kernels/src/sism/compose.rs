@@ -50,10 +50,13 @@ impl Kernel for Compose {
     }
 }
 
-/// Visible part of the light, from layers and fixed-point parts in F and B: `1 - clamp(max(F, B), 0, 1)`.
+/// Visible part of the light, from layers and fixed-point parts in F and B: `1 - min(max(|F|, |B|), 1)`.
+///
+/// The sign: a face that has receiver and middle of the light on one side covers part of the light from there, but runs
+/// the other way round than seen from the middle, so that its part comes out negative. No layer is between then, and the
+/// size of the sum is what it covers: exactly for a sheet, at most for a body.
 #[inline(always)]
 pub fn visible<V: Vpu>(v: &mut V, layers: [V::I32; 2], parts: Option<[V::I32; 2]>) -> V::F32 {
-    let zero = v.vset_f32(0.0);
     let one = v.vset_f32(1.0);
     let mut coverage = |i: usize| {
         let layers = v.vcvt_i32_f32(layers[i]);
@@ -67,8 +70,9 @@ pub fn visible<V: Vpu>(v: &mut V, layers: [V::I32; 2], parts: Option<[V::I32; 2]
         }
     };
     let (front, back) = (coverage(0), coverage(1));
+    let front = v.vabs(front);
+    let back = v.vabs(back);
     let covered = v.vmax(front, back);
-    let covered = v.vmax(covered, zero);
     let covered = v.vmin(covered, one);
     v.vsub(one, covered)
 }

@@ -1,4 +1,4 @@
-//! Soft irregular shadow mapping [johnson09], in its exact form [algorithms, 2.5 and 2.6].
+//! Soft irregular shadow mapping [johnson09, §2], in its exact form [algorithms, 2.5 and 2.6].
 //!
 //! ```text
 //! silhouette  records of triangles, weights and records of edges
@@ -13,6 +13,7 @@
 pub mod layout;
 pub mod silhouette;
 pub mod grid;
+mod nodes;
 pub mod touch;
 pub mod bin;
 pub mod raster;
@@ -111,8 +112,8 @@ pub fn program(input: &ShadowInput, options: &Options, arena: &mut Arena) -> Pro
                 scan_totals,
                 scan_offsets,
                 grid::scatter,
-                grid::nodes,
-                grid::groups,
+                nodes::nodes,
+                nodes::groups,
             ],
         ),
         phase("bin", "binning", false, vec![bin::count, scan_blocks, scan_totals, scan_offsets, bin::fill]),

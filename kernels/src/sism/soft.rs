@@ -74,6 +74,7 @@ pub fn view<V: Vpu>(v: &mut V, layout: &Layout, points: Vec3<V>) -> View<V> {
 /// Adds to the coverage in F and B the signed part that the edge of record `at` makes for 16 samples.
 ///
 /// The sign comes from the same predicate as the umbra: negative where the centre is on the occluder's side.
+/// 66 operations where all lines miss the disc, 157 for a part that needs no clipping.
 #[inline(always)]
 pub fn add_edge<V: Vpu>(
     v: &mut V,

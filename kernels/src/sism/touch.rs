@@ -41,7 +41,7 @@ impl FaceFrame {
     /// The frame of a face.
     pub fn new(grid: &FaceGrid) -> FaceFrame {
         let axis = u64::from(grid.face / 2);
-        let sign = if grid.face % 2 == 0 { 1.0 } else { -1.0 };
+        let sign = if grid.face.is_multiple_of(2) { 1.0 } else { -1.0 };
         FaceFrame { words: [(axis + 1) % 3, (axis + 2) % 3, axis], sign }
     }
 

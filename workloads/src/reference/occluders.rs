@@ -213,11 +213,20 @@ impl Occluders {
         (front, back)
     }
 
+    /// Covered part of the light, in [0, 1], at receiver `p`: `min(max(|F|, |B|), 1)`.
+    ///
+    /// A sum is negative where the receiver and the middle of the light lie on one side of a face that covers part of the
+    /// light: from the receiver the face runs the other way round. Its size is what it covers.
+    #[must_use]
+    pub fn coverage_at(&self, p: DVec3, own: u32) -> f64 {
+        let (front, back) = self.sums(p, own);
+        front.abs().max(back.abs()).min(1.0)
+    }
+
     /// Visible part of the light, in [0, 1], at receiver `p`.
     #[must_use]
     pub fn visibility_at(&self, p: DVec3, own: u32) -> f64 {
-        let (front, back) = self.sums(p, own);
-        1.0 - front.max(back).clamp(0.0, 1.0)
+        1.0 - self.coverage_at(p, own)
     }
 
     /// Visibility of each receiver of `input`, which these occluders were made from.

@@ -1,0 +1,294 @@
+//! Grid, bins, records and wedge test change nothing: the pipeline against brute force on the Vpu, bit for bit.
+
+mod common;
+
+use common::{On, Random, Run, input, shipped};
+use lrbsim_isa::HostSimd;
+use lrbsim_workloads::glam::DVec3;
+use lrbsim_workloads::{Light, Mesh, ShadowInput};
+
+/// Runs both and compares the four sums of every receiver.
+fn agree(what: &str, input: &ShadowInput) -> Run {
+    let on = On::Host(HostSimd::detect(), 2);
+    let mut run = Run::new(input, on);
+    run.visibility();
+    let pipeline = run.sums();
+    let brute = run.brute_force(on);
+    assert_eq!(pipeline.len(), input.receivers.len(), "{what}: every receiver has its sums");
+    let different: Vec<_> =
+        brute.iter().filter(|(pixel, sums)| pipeline[*pixel] != **sums).map(|(&pixel, _)| pixel).collect();
+    if let Some(&pixel) = different.first() {
+        let at = input.receiver_pixel.iter().position(|&p| p == pixel).expect("a receiver");
+        panic!(
+            "{what}: {} of {} receivers differ; pixel {pixel} at {:?} (radius {}) has {:?}, brute force {:?}",
+            different.len(),
+            brute.len(),
+            input.receivers[at],
+            input.light_radius,
+            pipeline[&pixel],
+            brute[&pixel]
+        );
+    }
+    run
+}
+
+/// A cube of half size `half` about `center`.
+fn add_box(mesh: &mut Mesh, center: DVec3, half: DVec3) {
+    let first = mesh.positions.len() as u32;
+    for i in 0..8 {
+        let sign = |bit: u32| if i >> bit & 1 == 1 { 1.0 } else { -1.0 };
+        mesh.positions.push(center + half * DVec3::new(sign(0), sign(1), sign(2)));
+    }
+    for quad in [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]] {
+        let [a, b, c, d] = quad.map(|i: u32| first + i);
+        mesh.triangles.extend([[a, b, c], [a, c, d]]);
+    }
+}
+
+fn add_triangle(mesh: &mut Mesh, corners: [DVec3; 3]) {
+    let first = mesh.positions.len() as u32;
+    mesh.positions.extend(corners);
+    mesh.triangles.push([first, first + 1, first + 2]);
+}
+
+/// Triangles and boxes of all sizes about the light, receivers in all directions, some on the triangles.
+fn random_scene(seed: u64, receivers: usize) -> (Mesh, Vec<(DVec3, u32)>) {
+    let mut random = Random(seed);
+    let mut mesh = Mesh::default();
+    for _ in 0..8 + (random.unit() * 24.0) as u32 {
+        let center = random.vector();
+        let size = power_of_ten(random.within(-2.5, 0.3));
+        match (random.unit() * 4.0) as u32 {
+            0 => add_box(&mut mesh, center, size * DVec3::new(random.unit(), random.unit(), random.unit())),
+            // Through the light's plane, whichever way the faces lie.
+            1 => add_triangle(
+                &mut mesh,
+                [center, -center * random.unit() + random.vector() * 0.1, random.vector()],
+            ),
+            _ => add_triangle(&mut mesh, [(); 3].map(|()| center + random.vector() * size)),
+        }
+    }
+    let points = (0..receivers)
+        .map(|_| {
+            let on = (random.unit() * mesh.triangles.len() as f64) as u32;
+            if random.unit() < 0.5 {
+                let [a, b, c] = mesh.triangles[on as usize].map(|v| mesh.positions[v as usize]);
+                let (mut s, mut t) = (random.unit(), random.unit());
+                if s + t > 1.0 {
+                    (s, t) = (1.0 - s, 1.0 - t);
+                }
+                (a + (b - a) * s + (c - a) * t, on)
+            } else {
+                (random.vector() * random.within(0.2, 2.0), u32::MAX)
+            }
+        })
+        .filter(|(p, _)| p.length() > 1e-3)
+        .collect();
+    (mesh, points)
+}
+
+fn power_of_ten(exponent: f64) -> f64 {
+    10.0_f64.powf(exponent)
+}
+
+fn sphere(radius: f64) -> Light {
+    Light::Sphere { center: DVec3::ZERO, radius }
+}
+
+#[test]
+fn tiny_is_the_same() {
+    agree("tiny", &shipped("tiny", None).2);
+}
+
+#[test]
+fn the_small_saloon_is_the_same_at_a_low_resolution() {
+    agree("saloon-small", &shipped("saloon-small", Some((96, 72))).2);
+}
+
+#[test]
+fn the_table_is_the_same() {
+    agree("table", &shipped("table", Some((128, 96))).2);
+}
+
+#[test]
+fn random_scenes_are_the_same_for_lights_of_every_size() {
+    for seed in 0..60 {
+        let (mesh, receivers) = random_scene(seed, 700);
+        for radius in [0.0, 1e-6, 1e-3, 0.02, 0.1, 0.4, 2.0, 10.0] {
+            let what = format!("seed {seed}, radius {radius}");
+            agree(&what, &input(mesh.clone(), sphere(radius), &receivers));
+        }
+    }
+}
+
+#[test]
+fn discs_that_stand_still_are_the_same() {
+    for seed in 100..150 {
+        let (mesh, receivers) = random_scene(seed, 600);
+        for radius in [1e-4, 0.03, 0.3, 1.0, 5.0] {
+            let light = Light::Disc { center: DVec3::ZERO, normal: Random(seed).vector(), radius };
+            agree(&format!("disc, seed {seed}, radius {radius}"), &input(mesh.clone(), light, &receivers));
+        }
+    }
+}
+
+#[test]
+fn edges_very_near_the_light_are_the_same() {
+    for seed in 200..240 {
+        let mut random = Random(seed);
+        let (mut mesh, receivers) = random_scene(seed, 500);
+        let radius = 0.05;
+        for _ in 0..20 {
+            // From inside the light to a few radii away.
+            let near = random.vector().normalize() * radius * random.within(0.3, 4.0);
+            let size = random.within(0.02, 1.0);
+            add_triangle(&mut mesh, [near, near + random.vector() * size, near + random.vector() * size]);
+        }
+        agree(&format!("near, seed {seed}"), &input(mesh.clone(), sphere(radius), &receivers));
+        let light = Light::Disc { center: DVec3::ZERO, normal: random.vector(), radius };
+        agree(&format!("near disc, seed {seed}"), &input(mesh, light, &receivers));
+    }
+}
+
+#[test]
+fn edges_near_a_tiny_light_are_the_same() {
+    for seed in 250..290 {
+        let mut random = Random(seed);
+        let (mut mesh, receivers) = random_scene(seed, 500);
+        let radius = power_of_ten(random.within(-6.0, -2.0));
+        for _ in 0..30 {
+            let near = random.vector().normalize() * radius * power_of_ten(random.within(0.0, 3.0));
+            let size = near.length() * random.within(0.1, 4.0);
+            add_triangle(&mut mesh, [near, near + random.vector() * size, near + random.vector() * size]);
+        }
+        agree(&format!("near and tiny, seed {seed}"), &input(mesh.clone(), sphere(radius), &receivers));
+        let light = Light::Disc { center: DVec3::ZERO, normal: random.vector(), radius };
+        agree(&format!("near and tiny disc, seed {seed}"), &input(mesh, light, &receivers));
+    }
+}
+
+#[test]
+fn far_lights_are_the_same() {
+    for seed in 300..330 {
+        let mut random = Random(seed);
+        let (mesh, receivers) = random_scene(seed, 500);
+        let center = random.vector().normalize() * 1e3;
+        for radius in [0.0, 1.0, 50.0, 300.0] {
+            let light = Light::Sphere { center, radius };
+            agree(&format!("far, seed {seed}, radius {radius}"), &input(mesh.clone(), light, &receivers));
+        }
+    }
+}
+
+#[test]
+fn many_small_triangles_over_a_fine_grid_are_the_same() {
+    for seed in 400..406 {
+        let mut random = Random(seed);
+        let mut mesh = Mesh::default();
+        for _ in 0..600 {
+            let center = random.vector() * DVec3::new(1.0, 1.0, 0.3) + DVec3::Z;
+            let size = random.within(0.005, 0.08);
+            add_triangle(&mut mesh, [(); 3].map(|()| center + random.vector() * size));
+        }
+        let receivers: Vec<_> = (0..40_000)
+            .map(|_| (random.vector() * DVec3::new(3.0, 3.0, 0.2) + DVec3::Z * 2.0, u32::MAX))
+            .collect();
+        agree(&format!("fine grid, seed {seed}"), &input(mesh, sphere(0.05), &receivers));
+    }
+}
+
+#[test]
+fn one_receiver_is_the_same() {
+    for seed in 500..540 {
+        let (mesh, receivers) = random_scene(seed, 40);
+        for receiver in receivers.iter().take(8) {
+            agree(&format!("one receiver, seed {seed}"), &input(mesh.clone(), sphere(0.1), &[*receiver]));
+        }
+    }
+}
+
+#[test]
+fn receivers_on_the_borders_of_cells_are_the_same() {
+    let mut random = Random(7);
+    let mut mesh = Mesh::default();
+    for _ in 0..40 {
+        let center = random.vector() * 0.3 + DVec3::Z * 0.4;
+        add_triangle(&mut mesh, [(); 3].map(|()| center + random.vector() * 0.1));
+    }
+    let receivers: Vec<_> = (0..20_000)
+        .map(|_| (DVec3::new(random.within(-0.7, 0.7), random.within(-0.7, 0.7), 0.75), u32::MAX))
+        .collect();
+    let mut input = input(mesh, sphere(0.05), &receivers);
+    let run = agree("before", &input);
+    // Move three of four receivers to where cells meet, all on one depth that is a power of two.
+    let grid = run.frame.layout.faces[0];
+    for (i, p) in input.receivers.iter_mut().enumerate() {
+        let old = *p;
+        *p = [0.5 * old[0] / old[2], 0.5 * old[1] / old[2], 0.5];
+        if i % 4 != 0 {
+            let border = |axis: usize| {
+                let cell = ((p[axis] / 0.5 - grid.origin[axis]) / grid.cell[axis]).round();
+                let inner = cell.clamp(1.0, (16 * grid.bins[axis] - 1) as f32);
+                0.5 * (grid.origin[axis] + grid.cell[axis] * inner)
+            };
+            let on = [border(0), border(1)];
+            match i % 3 {
+                0 => p[0] = on[0],
+                1 => p[1] = on[1],
+                _ => (p[0], p[1]) = (on[0], on[1]),
+            }
+        }
+    }
+    agree("borders", &input);
+}
+
+#[test]
+fn receivers_where_faces_meet_are_the_same() {
+    for seed in 600..620 {
+        let (mesh, mut receivers) = random_scene(seed, 600);
+        for (i, (p, _)) in receivers.iter_mut().enumerate() {
+            // Two or three components of one size.
+            let size = p.abs().max_element();
+            let sign = p.signum();
+            match i % 4 {
+                0 => p.x = sign.x * p.y.abs(),
+                1 => p.z = sign.z * size,
+                2 => *p = sign * size,
+                _ => {}
+            }
+        }
+        agree(&format!("seams, seed {seed}"), &input(mesh, sphere(0.15), &receivers));
+    }
+}
+
+#[test]
+fn nothing_depends_on_the_scale() {
+    for seed in 700..712 {
+        let (mesh, receivers) = random_scene(seed, 400);
+        let plain = input(mesh.clone(), sphere(0.1), &receivers);
+        let run = agree("scale 1", &plain);
+        // World units: the input is the same.
+        for scale in [1.0 / 1024.0, 1024.0] {
+            let mut scaled = mesh.clone();
+            scaled.positions.iter_mut().for_each(|p| *p *= scale);
+            let moved: Vec<_> = receivers.iter().map(|&(p, own)| (p * scale, own)).collect();
+            let other = input(scaled, sphere(0.1 * scale), &moved);
+            assert_eq!(run.visibility(), Run::new(&other, On::Host(HostSimd::detect(), 1)).visibility());
+        }
+        // The kernels themselves: a power of two changes no bit.
+        for scale in [1.0 / 1024.0_f32, 1024.0] {
+            let mut scaled = plain.clone();
+            scaled.light_radius *= scale;
+            scaled.vertices.iter_mut().chain(&mut scaled.receivers).flatten().for_each(|x| *x *= scale);
+            let other = agree(&format!("scale {scale}, seed {seed}"), &scaled);
+            assert_eq!(run.visibility(), other.visibility(), "scale {scale}, seed {seed}");
+        }
+        // Others only round.
+        for scale in [1e-3, 1e3] {
+            let mut scaled = mesh.clone();
+            scaled.positions.iter_mut().for_each(|p| *p *= scale);
+            let moved: Vec<_> = receivers.iter().map(|&(p, own)| (p * scale, own)).collect();
+            agree(&format!("scale {scale}"), &input(scaled, sphere(0.1 * scale), &moved));
+        }
+    }
+}

@@ -1,0 +1,146 @@
+//! What the docs of the inner loops promise to cost.
+
+mod common;
+
+use common::{Lanewise, On, run_step};
+use lrbsim_isa::{Addr, Arena, HostSimd, Kernel, Ordering, Step, Vpu};
+use lrbsim_kernels::columns::Columns;
+use lrbsim_kernels::light::{Disc, View};
+use lrbsim_kernels::plane::hidden;
+use lrbsim_kernels::segment::segment;
+use lrbsim_kernels::sism::soft::add_edge;
+
+/// As in the docs of [`segment`], [`hidden`] and [`add_edge`].
+const SEGMENT: [u64; 2] = [17, 88];
+const HIDDEN: [u64; 2] = [30, 39];
+const EDGE: [u64; 2] = [66, 157];
+
+/// Uops of one task of `kernel`, spills included.
+fn cost(kernel: impl Kernel + 'static, arena: &Arena) -> u64 {
+    let step = Step { name: "one", ordering: Ordering::Independent, tasks: 1, kernel: Box::new(kernel) };
+    run_step(&step, arena, On::Recording(HostSimd::detect())).uops
+}
+
+/// Loads `IN` vectors, and calls the function on them if asked to: the difference is its cost.
+struct Once<F, const IN: usize> {
+    function: Option<F>,
+    from: Columns,
+}
+
+impl<const IN: usize, F: Lanewise<IN, 1>> Kernel for Once<F, IN> {
+    #[inline(always)]
+    fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
+        let x = core::array::from_fn(|c| v.vload_f32(self.from.column(c as u32), task));
+        if let Some(function) = &self.function {
+            function.eval(v, x);
+        }
+    }
+}
+
+/// Cost of `function` for the same values in every lane.
+fn cost_of<const IN: usize, F: Lanewise<IN, 1>>(function: F, x: [f32; IN]) -> u64 {
+    let mut arena = Arena::new();
+    let from = Columns::new(&mut arena, IN as u32, 16);
+    for (c, x) in x.iter().enumerate() {
+        for lane in 0..16 {
+            arena.write_u32(from.column(c as u32).plus(4 * lane), x.to_bits());
+        }
+    }
+    cost(Once { function: Some(function), from }, &arena)
+        - cost(Once::<F, IN> { function: None, from }, &arena)
+}
+
+#[derive(Clone)]
+struct Segment;
+
+impl Lanewise<4, 1> for Segment {
+    #[inline(always)]
+    fn eval<V: Vpu>(&self, v: &mut V, x: [V::F32; 4]) -> [V::F32; 1] {
+        let all = v.mask_all();
+        [segment(v, all, [x[0], x[1]], [x[2], x[3]]).1]
+    }
+}
+
+#[test]
+fn a_segment_costs_what_its_doc_says() {
+    // One uop makes the mask.
+    assert_eq!(cost_of(Segment, [-3.0, 2.0, 3.0, 2.0]), SEGMENT[0] + 1, "the line misses the disc");
+    assert_eq!(cost_of(Segment, [-3.0, 0.5, 3.0, 0.5]), SEGMENT[1] + 1, "a hit");
+}
+
+/// One record of words, at the start of what is loaded.
+#[derive(Clone)]
+struct Hidden(Addr);
+
+impl Lanewise<3, 1> for Hidden {
+    #[inline(always)]
+    fn eval<V: Vpu>(&self, v: &mut V, points: [V::F32; 3]) -> [V::F32; 1] {
+        let own = v.bits_of(points[0]);
+        let all = v.mask_all();
+        let at = v.s_imm(0);
+        let covered = hidden(v, all, points, own, own, self.0, at);
+        let zero = points[0];
+        [v.vblend_f32(covered, zero, zero)]
+    }
+}
+
+#[test]
+fn a_hidden_test_costs_what_its_doc_says() {
+    // All normals along x: points at x > 0 are left of all three edges, those at x < 0 right.
+    let cost_at = |x: f32| {
+        let mut arena = Arena::new();
+        let from = Columns::new(&mut arena, 3, 16);
+        let record = arena.alloc(16);
+        for word in [0, 3, 6, 9] {
+            arena.write_u32(record.plus(4 * word), 1.0_f32.to_bits());
+        }
+        for lane in 0..16 {
+            arena.write_u32(from.column(0).plus(4 * lane), x.to_bits());
+        }
+        // The mask and the blend at the end are not the test's.
+        cost(Once { function: Some(Hidden(record)), from }, &arena)
+            - cost(Once::<Hidden, 3> { function: None, from }, &arena)
+            - 2
+    };
+    assert_eq!(cost_at(-1.0), HIDDEN[0], "a miss by the edges");
+    assert_eq!(cost_at(1.0), HIDDEN[1], "a hit");
+}
+
+#[derive(Clone)]
+struct AddEdge {
+    record: Addr,
+    add: bool,
+}
+
+impl Lanewise<3, 1> for AddEdge {
+    #[inline(always)]
+    fn eval<V: Vpu>(&self, v: &mut V, points: [V::F32; 3]) -> [V::F32; 1] {
+        let one = v.vset_f32(1.0);
+        let view = View::new(v, Disc::Facing, points, one);
+        let all = v.mask_all();
+        let none = v.vset_i32(0);
+        let at = v.s_imm(0);
+        if self.add {
+            add_edge(v, &view, all, points, (self.record, at), [none; 2]);
+        }
+        [one]
+    }
+}
+
+#[test]
+fn an_edge_costs_what_its_doc_says() {
+    let cost_of_edge = |y: f32| {
+        let mut arena = Arena::new();
+        let from = Columns::new(&mut arena, 3, 16);
+        for lane in 0..16 {
+            arena.write_u32(from.column(2).plus(4 * lane), 2.0_f32.to_bits());
+        }
+        let words = [-1.0, y, 1.0, 1.0, y, 1.0].map(f32::to_bits);
+        let record = arena.alloc(16);
+        arena.write_u32s(record, &words);
+        let run = |add| cost(Once { function: Some(AddEdge { record, add }), from }, &arena);
+        run(true) - run(false)
+    };
+    assert_eq!(cost_of_edge(5.0), EDGE[0], "the edge's line misses the disc");
+    assert_eq!(cost_of_edge(0.1), EDGE[1], "a hit");
+}

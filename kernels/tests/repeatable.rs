@@ -1,0 +1,50 @@
+//! One picture whatever computes it, and how long its tasks are.
+
+mod common;
+
+use common::{On, Run, back_ends, shipped};
+use lrbsim_isa::{HostSimd, VECTOR_REGISTERS};
+
+/// Uops that no task should exceed by much: the machine balances load by tasks.
+const TASK_UOPS: usize = 64 << 10;
+
+#[test]
+fn every_back_end_gives_the_same_picture() {
+    let input = shipped("tiny", None).2;
+    let mut all = back_ends();
+    all.push(On::Host(HostSimd::detect(), 2));
+    let bits = |on| -> Vec<u32> { Run::new(&input, on).visibility().into_iter().map(f32::to_bits).collect() };
+    let first = bits(all[0]);
+    for &on in &all[1..] {
+        assert!(bits(on) == first, "{on:?} gives another picture than {:?}", all[0]);
+    }
+}
+
+/// Prints the longest task and the register pressure of each step, and holds them.
+fn figures(name: &str, size: Option<(u32, u32)>) {
+    let input = shipped(name, size).2;
+    let run = Run::new(&input, On::Recording(HostSimd::detect()));
+    for (phase, uops) in &run.phases {
+        println!("{name} {phase:12} {uops:>10} uops");
+    }
+    for (step, figures) in &run.steps {
+        println!(
+            "{name} {step:18} {:>6} tasks {:>9} uops, longest {:>6}, live vectors {}",
+            figures.tasks, figures.uops, figures.longest_task, figures.live_vectors_max
+        );
+        assert!(figures.longest_task < TASK_UOPS, "{step}: a task of {} uops", figures.longest_task);
+        // Spills are charged; a few are the price of a kernel that holds its constants in registers.
+        let most = VECTOR_REGISTERS + 8;
+        assert!(figures.live_vectors_max <= most, "{step}: {} live vectors", figures.live_vectors_max);
+    }
+}
+
+#[test]
+fn tasks_of_tiny_are_short() {
+    figures("tiny", None);
+}
+
+#[test]
+fn tasks_of_the_small_saloon_are_short() {
+    figures("saloon-small", None);
+}

@@ -1,0 +1,61 @@
+//! The kernels against what is known to be right: f64 on the host, and shadow rays.
+
+mod common;
+
+use common::{On, Run, shipped};
+use lrbsim_isa::HostSimd;
+use lrbsim_workloads::glam::Vec3;
+use lrbsim_workloads::reference::{ErrorMetrics, Occluders, shadow_rays};
+
+/// Visibility by the kernels and by f64 brute force over the same f32 input.
+fn both(name: &str, size: Option<(u32, u32)>) -> (Vec<f64>, Vec<f64>) {
+    let input = shipped(name, size).2;
+    let run = Run::new(&input, On::Host(HostSimd::detect(), 2));
+    let kernels = run.visibility().into_iter().map(f64::from).collect();
+    let occluders = Occluders::from_input(&input);
+    let points = input.receivers.iter().zip(&input.receiver_triangle);
+    let truth = points
+        .map(|(&p, &own)| {
+            // Composed as the kernels do: what covers from behind comes out negative.
+            let (front, back) = occluders.sums(Vec3::from(p).as_dvec3(), own);
+            1.0 - front.abs().max(back.abs()).min(1.0)
+        })
+        .collect();
+    (truth, kernels)
+}
+
+/// Only rounding parts the two: next to none of the receivers is off by more than 1e-3, and the mean is below 1e-5.
+fn only_rounding(name: &str, size: Option<(u32, u32)>) {
+    let (truth, kernels) = both(name, size);
+    let off = truth.iter().zip(&kernels).filter(|(a, b)| (*a - *b).abs() > 1e-3).count();
+    let metrics = ErrorMetrics::new(&truth, &kernels);
+    println!("{name}: {off} of {} receivers off by more than 1e-3; {metrics:?}", truth.len());
+    // A receiver within rounding of a triangle's edge or plane may fall to either side.
+    assert!(off * 2000 <= truth.len(), "{name}: {off} of {}", truth.len());
+    assert!(metrics.mean < 1e-5, "{name}: {metrics:?}");
+}
+
+#[test]
+fn tiny_is_right_but_for_rounding() {
+    only_rounding("tiny", None);
+}
+
+#[test]
+fn the_table_is_right_but_for_rounding() {
+    only_rounding("table", Some((96, 72)));
+}
+
+#[test]
+fn the_small_saloon_is_right_but_for_rounding() {
+    only_rounding("saloon-small", Some((80, 60)));
+}
+
+#[test]
+fn shadow_rays_agree_on_tiny() {
+    let (scene, eye, input) = shipped("tiny", None);
+    let run = Run::new(&input, On::Host(HostSimd::detect(), 2));
+    let kernels: Vec<f64> = run.visibility().into_iter().map(f64::from).collect();
+    let metrics = ErrorMetrics::new(&shadow_rays(&scene.mesh, &scene.light, &eye, 512), &kernels);
+    println!("{metrics:?}");
+    assert!(metrics.shadowed > 100 && metrics.atty_mae < 0.03, "{metrics:?}");
+}
