@@ -4,7 +4,6 @@ mod common;
 
 use common::{On, Run, shipped};
 use lrbsim_isa::HostSimd;
-use lrbsim_workloads::glam::Vec3;
 use lrbsim_workloads::reference::{ErrorMetrics, Occluders, shadow_rays};
 
 /// Visibility by the kernels and by f64 brute force over the same f32 input.
@@ -12,15 +11,7 @@ fn both(name: &str, size: Option<(u32, u32)>) -> (Vec<f64>, Vec<f64>) {
     let input = shipped(name, size).2;
     let run = Run::new(&input, On::Host(HostSimd::detect(), 2));
     let kernels = run.visibility().into_iter().map(f64::from).collect();
-    let occluders = Occluders::from_input(&input);
-    let points = input.receivers.iter().zip(&input.receiver_triangle);
-    let truth = points
-        .map(|(&p, &own)| {
-            // Composed as the kernels do: what covers from behind comes out negative.
-            let (front, back) = occluders.sums(Vec3::from(p).as_dvec3(), own);
-            1.0 - front.abs().max(back.abs()).min(1.0)
-        })
-        .collect();
+    let truth = Occluders::from_input(&input).visibility(&input);
     (truth, kernels)
 }
 

@@ -114,52 +114,43 @@ impl Emit for Count<'_> {
 /// Id of the first uop of a task. More than [`DISTANCE_MAX`], so that id 0, a constant, is always too far back to name.
 const FIRST_ID: u32 = DISTANCE_MAX + 2;
 
-/// Most uops of one task where the host gives the address space: far more than the 64 K that a kernel should keep to, and
-/// more than fit the memory of most hosts.
-const TASK_UOPS_MAX: u32 = 1 << 30;
+/// Ids, and lines of a task, from which on it is stopped at its next branch. As many uops are some 20 GiB: no host runs a
+/// task of a frame into this.
+const TASK_END: u32 = 1 << 31;
 
-/// The least that a host must have room for.
-const TASK_UOPS_MIN: u32 = 1 << 20;
+/// Numbers that a `u32` can be, one word each.
+const WORDS: usize = 1 << 32;
 
-/// Where one host thread records: address space for the largest task, committed by the operating system as touched.
+/// Where one host thread records: address space for all ids that there are, committed by the operating system as touched.
 ///
-/// A buffer that grew by moving would have to be reloaded after every uop, and nothing could be kept in host registers
-/// across the call that moves it. So it never moves; it grows by being touched.
+/// A place for every `u32` needs no check a uop, and a buffer that never moves no reload: what a task changes can live in
+/// host registers. It grows by being touched, and that it ends is noticed at branches, which every loop of a kernel has.
 #[derive(Debug)]
 pub(crate) struct Buffers {
     /// Keeps the pages alive; all below point into it.
     _map: memmap2::MmapMut,
-    /// Ids below this have a place.
-    end_id: u32,
     /// Uops by id.
     uops: *mut u32,
     /// The id of the last reader of each vector register by the id of its maker; 0 between tasks.
     last_reader: *mut u32,
+    /// Line numbers, and room for one vector past the last.
+    lines: *mut u32,
     /// How many vector registers have their last reader at each id; 0 between tasks.
     ends: *mut u8,
-    /// Room for the lines of as many uops, each with all it can have, and then one vector.
-    lines: *mut u32,
 }
 
 impl Buffers {
-    /// Room for `uops_max` uops, or for fewer on a host with an address-space limit.
-    fn new(mut uops_max: u32) -> Buffers {
-        loop {
-            let ids = (FIRST_ID + uops_max) as usize;
-            let lines = LANES * ids + LANES;
-            let bytes = 4 * ids + 4 * ids + 4 * lines + ids;
-            match memmap2::MmapOptions::new().len(bytes).no_reserve_swap().map_anon() {
-                Ok(mut map) => {
-                    let uops = map.as_mut_ptr().cast::<u32>();
-                    let last_reader = uops.wrapping_add(ids);
-                    let first_line = last_reader.wrapping_add(ids);
-                    let ends = first_line.wrapping_add(lines).cast();
-                    let end_id = FIRST_ID + uops_max;
-                    return Buffers { _map: map, end_id, uops, last_reader, ends, lines: first_line };
-                }
-                Err(_) if uops_max > TASK_UOPS_MIN => uops_max /= 2,
-                Err(error) => panic!("the host refuses {bytes} bytes of address space for a task: {error}"),
+    fn new() -> Buffers {
+        let bytes = 4 * (3 * WORDS + LANES) + WORDS;
+        match memmap2::MmapOptions::new().len(bytes).no_reserve_swap().map_anon() {
+            Ok(mut map) => {
+                let uops = map.as_mut_ptr().cast::<u32>();
+                let last_reader = uops.wrapping_add(WORDS);
+                let lines = last_reader.wrapping_add(WORDS);
+                let ends = lines.wrapping_add(WORDS + LANES).cast();
+                Buffers { _map: map, uops, last_reader, lines, ends }
             }
+            Err(error) => panic!("the host refuses {bytes} bytes of address space for a task: {error}"),
         }
     }
 
@@ -168,7 +159,7 @@ impl Buffers {
         thread_local! {
             static BUFFERS: Cell<Option<Box<Buffers>>> = const { Cell::new(None) };
         }
-        let mut buffers = BUFFERS.take().unwrap_or_else(|| Box::new(Buffers::new(TASK_UOPS_MAX)));
+        let mut buffers = BUFFERS.take().unwrap_or_else(|| Box::new(Buffers::new()));
         let result = record(&mut buffers);
         BUFFERS.set(Some(buffers));
         result
@@ -177,11 +168,10 @@ impl Buffers {
     /// Appends what a task left here to `stream`, spills included, and makes the buffers ready for the next task.
     #[inline(always)]
     #[expect(unsafe_code, reason = "the filled part of the buffers as slices")]
-    pub(crate) fn finish(&mut self, recorded: Recorded, stream: &mut Stream) {
+    pub(crate) fn finish<L: Lanes>(&mut self, recorded: Recorded, stream: &mut Stream) {
         let (first, next) = (FIRST_ID as usize, recorded.next as usize);
-        assert!(recorded.next <= self.end_id && recorded.lines as usize <= LANES * next);
-        // SAFETY: all bytes were zero from the start, and the lengths lie inside the map, asserted above; the four parts
-        // do not overlap, and `&mut self` is the only way to them.
+        // SAFETY: all bytes were zero from the start; each part has a place for every `u32`; the four do not overlap, and
+        // `&mut self` is the only way to them.
         let (uops, last_reader, ends, lines) = unsafe {
             (
                 core::slice::from_raw_parts(self.uops, next),
@@ -196,7 +186,7 @@ impl Buffers {
         let lanes_masked = slots * recorded.masked_uops - recorded.masked_lanes_active;
         stream.lanes_masked += lanes_masked;
         stream.lanes_active += slots * recorded.vector_uops - lanes_masked;
-        let pressure = spill::pressure(last_reader, ends, first);
+        let pressure = spill::pressure::<L>(last_reader, ends, first);
         stream.live_vectors_max = stream.live_vectors_max.max(pressure.live_max);
         spill::charge(stream, pressure.spills);
         last_reader.fill(0);
@@ -224,7 +214,6 @@ pub struct Record<'a> {
     uops: *mut u32,
     last_reader: *mut u32,
     lines: *mut u32,
-    end_id: u32,
     recorded: Recorded,
     buffers: PhantomData<&'a mut Buffers>,
 }
@@ -237,7 +226,6 @@ impl<'a> Record<'a> {
             uops: buffers.uops,
             last_reader: buffers.last_reader,
             lines: buffers.lines,
-            end_id: buffers.end_id,
             recorded: Recorded {
                 next: FIRST_ID,
                 lines: 0,
@@ -266,10 +254,10 @@ impl<'a> Record<'a> {
     #[expect(unsafe_code, reason = "a checked push would keep the length in host memory")]
     fn push(&mut self, class: Class, word: u32) -> u32 {
         let id = self.recorded.next;
-        if id >= self.end_id {
-            too_many_uops(self.end_id);
+        if class == Class::Branch && (id | self.recorded.lines) >= TASK_END {
+            endless_task();
         }
-        // SAFETY: ids below `end_id` have a place.
+        // SAFETY: there is a place for every `u32`.
         unsafe { self.uops.add(id as usize).write(Uop(word).0) };
         self.recorded.next = id.wrapping_add(1);
         self.recorded.vector_uops = self.recorded.vector_uops.wrapping_add(u64::from(class.is_vector()));
@@ -279,8 +267,8 @@ impl<'a> Record<'a> {
 
 #[cold]
 #[inline(never)]
-fn too_many_uops(end_id: u32) -> ! {
-    panic!("a task has more than {} uops; its kernel must split the work", end_id - FIRST_ID)
+fn endless_task() -> ! {
+    panic!("a task has more than {TASK_END} uops or lines; its kernel must split the work")
 }
 
 /// The youngest three of `N` producers, in no order; the older ones have arrived when these have.
@@ -354,7 +342,7 @@ impl Emit for Record<'_> {
     fn reads<const N: usize>(&mut self, vectors: [u32; N]) {
         for id in vectors {
             debug_assert!(id < self.recorded.next, "a value of another task");
-            // SAFETY: ids come from `push`, so they lie inside the buffer, which is as long as that of uops.
+            // SAFETY: there is a place for every `u32`.
             unsafe { self.last_reader.add(id as usize).write(self.recorded.next) };
         }
     }
@@ -363,7 +351,7 @@ impl Emit for Record<'_> {
     #[expect(unsafe_code, reason = "a checked push would keep the length in host memory")]
     fn line(&mut self, line: u32) {
         let at = self.recorded.lines;
-        // SAFETY: there is room for 16 lines of every uop, and `push` stops a task before there are more uops.
+        // SAFETY: there is a place for every `u32`.
         unsafe { self.lines.add(at as usize).write(line) };
         self.recorded.lines = at.wrapping_add(1);
     }
@@ -420,7 +408,7 @@ mod tests {
             let mut record = Record::new(buffers);
             task(&mut record);
             let recorded = record.recorded();
-            buffers.finish(recorded, &mut stream);
+            buffers.finish::<Portable>(recorded, &mut stream);
         });
         stream
     }
@@ -470,29 +458,22 @@ mod tests {
     }
 
     #[test]
-    #[should_panic(expected = "more than 5000 uops; its kernel must split the work")]
-    fn a_task_beyond_the_address_space_is_stopped() {
-        let mut buffers = Buffers::new(5000);
-        let mut record = Record::new(&mut buffers);
-        loop {
+    #[should_panic(expected = "its kernel must split the work")]
+    fn an_endless_task_is_stopped_at_a_branch() {
+        record(|record| {
+            record.recorded.next = TASK_END - 1;
             record.alu(Class::ScalarAlu, []);
-        }
+            record.alu(Class::Branch, []);
+        });
     }
 
     #[test]
-    fn the_last_uop_that_fits_may_have_all_its_lines() {
-        let mut buffers = Buffers::new(300);
-        let mut stream = Stream::default();
-        let mut record = Record::new(&mut buffers);
-        for uop in 0..300 {
-            let lines = record
-                .distinct_lines::<Portable>(u16::MAX, core::array::from_fn(|lane| 16 * uop + lane as i32));
-            record.memory(Class::Gather, [], lines);
-        }
-        let recorded = record.recorded();
-        buffers.finish(recorded, &mut stream);
-        assert_eq!(stream.uops.len(), 300);
-        assert_eq!(stream.lines, (0..300 * 16).collect::<Vec<u32>>());
+    #[should_panic(expected = "its kernel must split the work")]
+    fn endless_lines_are_stopped_at_a_branch() {
+        record(|record| {
+            record.recorded.lines = TASK_END;
+            record.alu(Class::Branch, []);
+        });
     }
 
     #[test]

@@ -69,7 +69,7 @@ fn record_task<K: Kernel, L: Lanes>(
     let task = v.s_imm(task as i32);
     kernel.run(&mut v, task);
     let recorded = v.into_emit().recorded();
-    buffers.finish(recorded, stream);
+    buffers.finish::<L>(recorded, stream);
 }
 
 #[cfg(target_arch = "x86_64")]

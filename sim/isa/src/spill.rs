@@ -2,7 +2,7 @@
 
 use crate::arena::STACK_BASE_LINE;
 use crate::backend::{SPILL_SLOT, SPILL_SLOTS};
-use crate::lanes::LANES;
+use crate::lanes::{LANES, Lanes};
 use crate::stream::Stream;
 use crate::uop::{Class, Uop};
 
@@ -18,9 +18,6 @@ pub(crate) struct Pressure {
     pub spills: u32,
 }
 
-/// Uops whose births and deaths are summed at once.
-const BLOCK: usize = 16;
-
 /// Counts the vector values live at once.
 ///
 /// `last_reader[id]` is the id of the last uop that reads the vector made by uop `id`, 0 when none does; ids begin at
@@ -28,24 +25,18 @@ const BLOCK: usize = 16;
 /// whose result may take over its register. Every recorded task passes here: two host instructions a uop for the
 /// scatter, and a prefix sum that the host does 16 uops at a time.
 #[inline(always)]
-pub(crate) fn pressure(last_reader: &[u32], ends: &mut [u8], first: usize) -> Pressure {
+pub(crate) fn pressure<L: Lanes>(last_reader: &[u32], ends: &mut [u8], first: usize) -> Pressure {
     let next = last_reader.len();
     assert!(ends.len() == next && first <= next);
     count_ends(&last_reader[first..], ends);
 
-    let (made, made_rest) = last_reader[first..].as_chunks::<BLOCK>();
-    let (ended, ended_rest) = ends[first..].as_chunks::<BLOCK>();
+    let (made, made_rest) = last_reader[first..].as_chunks::<LANES>();
+    let (ended, ended_rest) = ends[first..].as_chunks::<LANES>();
     let (mut live, mut live_max) = (0i32, 0i32);
     for (made, ended) in made.iter().zip(ended) {
-        // `net[i]`: how many more are live after uop i of the block than before the block.
-        let mut net: [i16; BLOCK] = core::array::from_fn(|i| i16::from(made[i] != 0) - i16::from(ended[i]));
-        net = core::array::from_fn(|i| if i >= 1 { net[i] + net[i - 1] } else { net[i] });
-        net = core::array::from_fn(|i| if i >= 2 { net[i] + net[i - 2] } else { net[i] });
-        net = core::array::from_fn(|i| if i >= 4 { net[i] + net[i - 4] } else { net[i] });
-        net = core::array::from_fn(|i| if i >= 8 { net[i] + net[i - 8] } else { net[i] });
-        let max = net.into_iter().fold(i16::MIN, i16::max);
-        live_max = live_max.max(live + i32::from(max));
-        live += i32::from(net[BLOCK - 1]);
+        let (highest, last) = L::rise(made, ended);
+        live_max = live_max.max(live + highest);
+        live += last;
     }
     for (last, ended) in made_rest.iter().zip(ended_rest) {
         live += i32::from(*last != 0) - i32::from(*ended);
@@ -68,7 +59,7 @@ fn count_ends(readers: &[u32], ends: &mut [u8]) {
             *end = end.wrapping_add(1);
         }
     };
-    let (blocks, rest) = readers.as_chunks::<BLOCK>();
+    let (blocks, rest) = readers.as_chunks::<LANES>();
     for block in blocks {
         for &last in block {
             count(last);

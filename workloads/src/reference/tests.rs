@@ -136,8 +136,6 @@ fn brute_force_covers_what_the_scene_oracles_say() {
         ];
         for (what, light) in lights {
             let occluders = Occluders::from_mesh(&mesh, &adjacency, &light);
-            // A sheet that has receiver and light's center on the same side covers part of the light from behind:
-            // seen from the center it runs the other way, so what it covers comes out negative.
             check(&case, what, occluders.coverage_at(p - center, u32::MAX), tolerance);
         }
     }

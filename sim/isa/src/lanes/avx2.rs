@@ -49,7 +49,7 @@ fn cast(a: I) -> F {
 }
 
 /// Distinct values up to which one comparison with all lanes for each is cheaper than [`distinct_by_pairs`].
-const FEW: u32 = 4;
+const FEW: u32 = 2;
 
 /// [`Lanes::distinct`] by comparing all pairs of lanes: the same time however many values there are.
 #[inline(always)]
@@ -331,6 +331,35 @@ impl Lanes for Avx2 {
             live &= !Self::ieq(a, Self::splat_i(values[lane]));
         }
         if live == 0 { first } else { distinct_by_pairs(k, a) }
+    }
+    #[inline(always)]
+    fn rise(made: &[u32; LANES], ended: &[u8; LANES]) -> (i32, i32) {
+        // SAFETY: loads from references; the host has the instruction, see `Lanes`.
+        unsafe {
+            let zero = _mm256_setzero_si256();
+            let made = made.as_ptr().cast::<__m256i>();
+            let low = _mm256_cmpeq_epi32(_mm256_loadu_si256(made), zero);
+            let high = _mm256_cmpeq_epi32(_mm256_loadu_si256(made.add(1)), zero);
+            // -1 for what was not made, in order: the packing works on the halves of the registers.
+            let not_made = _mm256_permute4x64_epi64::<0b11_01_10_00>(_mm256_packs_epi32(low, high));
+            let ended = _mm256_cvtepu8_epi16(_mm_loadu_si128(ended.as_ptr().cast()));
+            // Sums of 1, 2, 4, 8 lanes in each half, then of the low half into the high one.
+            let mut sum = _mm256_sub_epi16(not_made, ended);
+            sum = _mm256_add_epi16(sum, _mm256_slli_si256::<2>(sum));
+            sum = _mm256_add_epi16(sum, _mm256_slli_si256::<4>(sum));
+            sum = _mm256_add_epi16(sum, _mm256_slli_si256::<8>(sum));
+            let low_to_high = _mm256_permute2x128_si256::<0x08>(sum, sum);
+            sum = _mm256_add_epi16(sum, _mm256_shuffle_epi8(low_to_high, _mm256_set1_epi16(0x0f0e)));
+            // Had all been made, it would have risen by one each.
+            let steps = _mm256_setr_epi16(1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16);
+            sum = _mm256_add_epi16(sum, steps);
+            let upper = _mm256_extracti128_si256::<1>(sum);
+            let highest = _mm_max_epi16(_mm256_castsi256_si128(sum), upper);
+            // The one horizontal instruction finds the least of unsigned words.
+            let from_top = _mm_sub_epi16(_mm_set1_epi16(i16::MAX), highest);
+            let least = _mm_cvtsi128_si32(_mm_minpos_epu16(from_top)) & 0xffff;
+            (i32::from(i16::MAX) - least, _mm_extract_epi16::<7>(upper) as i16 as i32)
+        }
     }
     #[inline(always)]
     unsafe fn load(from: *const i32) -> I {

@@ -4,7 +4,7 @@
 
 use core::arch::x86_64::*;
 
-use super::{CANONICAL_NAN, LANES, Lanes};
+use super::{Avx2, CANONICAL_NAN, LANES, Lanes};
 
 /// Lanes as AVX-512 registers (foundation, byte/word, vector-length and doubleword sets).
 #[derive(Debug, Clone, Copy)]
@@ -251,6 +251,10 @@ impl Lanes for Avx512 {
             let earlier = _mm512_conflict_epi32(a);
             _mm512_mask_testn_epi32_mask(k, earlier, _mm512_set1_epi32(i32::from(k)))
         }
+    }
+    #[inline(always)]
+    fn rise(made: &[u32; LANES], ended: &[u8; LANES]) -> (i32, i32) {
+        Avx2::rise(made, ended)
     }
     #[inline(always)]
     unsafe fn load(from: *const i32) -> I {

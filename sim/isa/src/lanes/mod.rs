@@ -86,6 +86,18 @@ pub trait Lanes: 'static {
     /// The lanes among `k` whose value no earlier lane among `k` has.
     fn distinct(k: u16, a: Self::I) -> u16;
 
+    /// Where a sum rises by one for each `made` that is not 0 and falls by `ended`: its highest value after any of the 16
+    /// steps, and its last. No operation of a kernel, but the same hosts do it.
+    #[inline(always)]
+    fn rise(made: &[u32; LANES], ended: &[u8; LANES]) -> (i32, i32) {
+        let (mut highest, mut sum) = (i32::MIN, 0);
+        for (made, ended) in made.iter().zip(ended) {
+            sum += i32::from(*made != 0) - i32::from(*ended);
+            highest = highest.max(sum);
+        }
+        (highest, sum)
+    }
+
     unsafe fn load(from: *const i32) -> Self::I;
     unsafe fn store(to: *mut i32, a: Self::I);
     unsafe fn load_masked(or: Self::I, k: u16, from: *const i32) -> Self::I;
