@@ -17,6 +17,7 @@ pub mod coherence;
 pub mod config;
 mod core;
 pub mod counters;
+mod division;
 pub mod fidelity;
 mod memory;
 mod occupancy;

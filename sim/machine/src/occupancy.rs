@@ -5,6 +5,7 @@
 //! an early request that is asked for late finds the gap that later ones left. In time order this is exactly a queue.
 
 use crate::Cycle;
+use crate::division::Divisor;
 
 const WORDS: usize = 32;
 /// Slots that are remembered; older ones count as free, and nobody asks for them any more.
@@ -14,36 +15,42 @@ const HORIZON: u64 = WORDS as u64 * 64;
 #[derive(Debug, Clone)]
 pub(crate) struct Slots {
     /// Length of a slot in 1/256 cycles.
-    interval_x256: u64,
-    words: [u64; WORDS],
-    /// Which stretch of 64 slots a word stands for.
-    stretches: [u64; WORDS],
+    interval_x256: Divisor,
+    rows: [Row; WORDS],
+}
+
+/// 64 slots in a row. Bits and number lie side by side: a request touches one line of the host's cache.
+#[derive(Debug, Clone, Copy)]
+#[repr(align(16))]
+struct Row {
+    taken: u64,
+    /// Which stretch of 64 slots this is.
+    stretch: u64,
 }
 
 impl Slots {
     pub(crate) fn new(interval_x256: u64) -> Slots {
-        Slots { interval_x256, words: [0; WORDS], stretches: [0; WORDS] }
+        Slots { interval_x256: Divisor::new(interval_x256), rows: [Row { taken: 0, stretch: 0 }; WORDS] }
     }
 
     /// Takes the first free slot at or after `now`; returns when it begins, but not before `now`.
     pub(crate) fn take(&mut self, now: Cycle) -> Cycle {
-        let wanted = (now << 8) / self.interval_x256;
+        let (wanted, _) = self.interval_x256.div_rem(now << 8);
         let mut slot = wanted;
         loop {
             let stretch = slot / 64;
-            let word = (stretch % WORDS as u64) as usize;
-            if self.stretches[word] != stretch {
-                if self.stretches[word] > stretch {
+            let row = &mut self.rows[(stretch % WORDS as u64) as usize];
+            if row.stretch != stretch {
+                if row.stretch > stretch {
                     // Older than what is remembered.
                     return now;
                 }
-                self.stretches[word] = stretch;
-                self.words[word] = 0;
+                *row = Row { taken: 0, stretch };
             }
-            let free = !self.words[word] & (u64::MAX << (slot % 64));
+            let free = !row.taken & (u64::MAX << (slot % 64));
             if free != 0 {
                 let bit = free.trailing_zeros();
-                self.words[word] |= 1 << bit;
+                row.taken |= 1 << bit;
                 slot = stretch * 64 + u64::from(bit);
                 break;
             }
@@ -54,7 +61,7 @@ impl Slots {
             }
         }
         // Rounded up: no slot starts before the one before it has ended.
-        now.max((slot * self.interval_x256).div_ceil(256))
+        now.max((slot * self.interval_x256.get()).div_ceil(256))
     }
 }
 

@@ -23,7 +23,7 @@ mod tags;
 mod tests;
 
 pub(crate) use mshr::Mshrs;
-pub(crate) use tags::Tags;
+pub(crate) use tags::{Slot, Tags};
 
 use crate::Cycle;
 use crate::config::MachineSpec;

@@ -30,27 +30,23 @@ impl Mshrs {
         self.table.iter().find(|mshr| mshr.line == line && mshr.fill > now).copied()
     }
 
-    /// When one is free, at or after `now`.
+    /// The place of one that is free at `now`; `Err` is the time when one will be.
     #[inline]
-    pub(crate) fn free_at(&self, now: Cycle) -> Cycle {
+    pub(crate) fn free(&self, now: Cycle) -> Result<usize, Cycle> {
         let mut earliest = Cycle::MAX;
-        for mshr in &self.table {
+        for (place, mshr) in self.table.iter().enumerate() {
             if mshr.fill <= now {
-                return now;
+                return Ok(place);
             }
             earliest = earliest.min(mshr.fill);
         }
-        earliest
+        Err(earliest)
     }
 
-    /// Takes one that is free at `now`.
-    ///
-    /// # Panics
-    /// When none is: the caller did not ask [`Mshrs::free_at`].
+    /// Takes the one at `place`, where [`Mshrs::free`] found one free.
     #[inline]
-    pub(crate) fn hold(&mut self, line: u32, now: Cycle, fill: Cycle, cause: Cause) {
-        let free = self.table.iter_mut().find(|mshr| mshr.fill <= now);
-        *free.expect("an MSHR is free: free_at said so") = Mshr { line, fill, cause };
+    pub(crate) fn hold(&mut self, place: usize, line: u32, fill: Cycle, cause: Cause) {
+        self.table[place] = Mshr { line, fill, cause };
     }
 
     /// Those under way at `now`, for messages.

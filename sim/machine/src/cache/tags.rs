@@ -13,6 +13,16 @@ struct Group {
     recent: u16,
 }
 
+impl Group {
+    /// The first way that holds `line`.
+    #[inline(always)]
+    fn first_way_with(&self, line: u32) -> Option<u32> {
+        // A byte a way in one word: the compiler makes this two vector compares and two packs.
+        let equal = u64::from_le_bytes(self.tags.map(|tag| if tag == line { 0xff } else { 0 }));
+        (equal != 0).then(|| equal.trailing_zeros() / 8)
+    }
+}
+
 /// Where a line sits: valid until the set changes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Slot {
@@ -29,6 +39,8 @@ pub(crate) struct Tags {
     groups: Vec<Group>,
     sets: u32,
     ways: u32,
+    /// A bit for every way.
+    all_ways: u16,
     groups_per_set: u32,
     /// `sets - 1` when the number of sets is a power of two.
     mask: Option<u32>,
@@ -52,13 +64,15 @@ impl Tags {
             groups: vec![empty; (sets * groups_per_set) as usize],
             sets,
             ways,
+            all_ways: ((1_u32 << ways) - 1) as u16,
             groups_per_set,
             mask: sets.is_power_of_two().then(|| sets - 1),
         }
     }
 
     pub(crate) fn absent() -> Tags {
-        Tags { groups: Vec::new(), sets: 0, ways: 0, groups_per_set: 0, mask: None }
+        // No groups, which a search passes over at no extra cost.
+        Tags { groups: Vec::new(), sets: 0, ways: 0, all_ways: 0, groups_per_set: 0, mask: Some(0) }
     }
 
     pub(crate) fn is_absent(&self) -> bool {
@@ -77,19 +91,10 @@ impl Tags {
     /// Finds `line`. Changes nothing.
     #[inline(always)]
     pub(crate) fn find(&self, line: u32) -> Option<Slot> {
-        if self.is_absent() {
-            return None;
-        }
         let first = self.first_group(line);
         for group in first..first + self.groups_per_set as usize {
-            let tags = &self.groups[group].tags;
-            // One bit a way: the compiler makes this a vector compare.
-            let mut equal = 0_u32;
-            for (way, tag) in tags.iter().enumerate() {
-                equal |= u32::from(*tag == line) << way;
-            }
-            if equal != 0 {
-                return Some(Slot { group: group as u32, way: equal.trailing_zeros() });
+            if let Some(way) = self.groups[group].first_way_with(line) {
+                return Some(Slot { group: group as u32, way });
             }
         }
         None
@@ -101,13 +106,13 @@ impl Tags {
         if self.groups_per_set == 1 {
             let group = &mut self.groups[slot.group as usize];
             let recent = group.recent | 1 << slot.way;
-            group.recent = if recent == all_ways(self.ways) { 1 << slot.way } else { recent };
+            group.recent = if recent == self.all_ways { 1 << slot.way } else { recent };
         } else {
             let first = slot.group - slot.group % self.groups_per_set;
             let way = (slot.group - first) * GROUP as u32 + slot.way;
             let group = &mut self.groups[first as usize];
             let recent = group.recent | 1 << way;
-            group.recent = if recent == all_ways(self.ways) { 1 << way } else { recent };
+            group.recent = if recent == self.all_ways { 1 << way } else { recent };
         }
     }
 
@@ -123,20 +128,34 @@ impl Tags {
         self.groups[slot.group as usize].bits[slot.way as usize] = bits;
     }
 
+    /// Where `line`, which is not here, would go.
+    #[inline]
+    fn place_for(&self, line: u32) -> Slot {
+        let first = self.first_group(line);
+        let groups = &self.groups[first..first + self.groups_per_set as usize];
+        let empty = groups
+            .iter()
+            .zip(0..)
+            .find_map(|(group, index)| group.first_way_with(NO_LINE).map(|way| index * GROUP + way as usize));
+        // The first empty way, or the first not marked. With one way the only line is always the victim.
+        let way = match empty {
+            Some(way) if way < self.ways as usize => way,
+            _ if self.ways == 1 => 0,
+            _ => (!groups[0].recent).trailing_zeros() as usize,
+        };
+        Slot { group: (first + way / GROUP) as u32, way: (way % GROUP) as u32 }
+    }
+
+    /// The line that would make room for `line`, which is not here.
+    pub(crate) fn victim_of(&self, line: u32) -> Option<u32> {
+        let slot = self.place_for(line);
+        let victim = self.groups[slot.group as usize].tags[slot.way as usize];
+        (victim != NO_LINE).then_some(victim)
+    }
+
     /// Puts `line`, which is not here, in its set and touches it. Returns the victim and its bits.
     pub(crate) fn insert(&mut self, line: u32, bits: u8) -> Option<(u32, u8)> {
-        let first = self.first_group(line);
-        let mut chosen = None;
-        for way in 0..self.ways as usize {
-            if self.groups[first + way / GROUP].tags[way % GROUP] == NO_LINE {
-                chosen = Some(way);
-                break;
-            }
-        }
-        // With one way the only line is always the victim.
-        let way =
-            chosen.unwrap_or((!self.groups[first].recent).trailing_zeros() as usize % self.ways as usize);
-        let slot = Slot { group: (first + way / GROUP) as u32, way: (way % GROUP) as u32 };
+        let slot = self.place_for(line);
         let group = &mut self.groups[slot.group as usize];
         let old = (group.tags[slot.way as usize], group.bits[slot.way as usize]);
         group.tags[slot.way as usize] = line;
@@ -151,9 +170,4 @@ impl Tags {
         group.tags[slot.way as usize] = NO_LINE;
         group.bits[slot.way as usize] = 0;
     }
-}
-
-#[inline(always)]
-fn all_ways(ways: u32) -> u16 {
-    ((1_u32 << ways) - 1) as u16
 }

@@ -50,9 +50,9 @@ fn tags_agree_with_a_dumb_model_under_random_traffic() {
 #[test]
 fn an_mshr_is_free_from_the_cycle_of_its_fill() {
     let mut mshrs = Mshrs::new(2);
-    mshrs.hold(7, 0, 100, Cause::Memory);
-    mshrs.hold(8, 0, 50, Cause::L2);
-    assert_eq!((mshrs.free_at(49), mshrs.free_at(50)), (50, 50));
+    mshrs.hold(0, 7, 100, Cause::Memory);
+    mshrs.hold(1, 8, 50, Cause::L2);
+    assert_eq!((mshrs.free(49), mshrs.free(50)), (Err(50), Ok(1)));
     assert!(mshrs.in_flight(7, 99).is_some());
     assert!(mshrs.in_flight(7, 100).is_none());
     assert_eq!(mshrs.occupied(60).len(), 1);

@@ -89,6 +89,14 @@ impl Chip {
             active.push(core);
         }
 
+        // All threads ask for their first task at once: the first of every core, then the second.
+        for thread in 0..self.hierarchy.spec.threads_per_core as usize {
+            for core in active.iter_mut().filter(|core| core.takes_part(thread)) {
+                step.feed(core, thread, &mut self.hierarchy);
+                core.update_wake();
+            }
+        }
+
         // Run.
         match self.fidelity {
             Fidelity::Functional => {}

@@ -35,6 +35,16 @@ pub(crate) struct Access {
     pub(crate) missed: bool,
 }
 
+/// What became of an access to the L2.
+pub(super) struct L2Access {
+    /// When the line is usable.
+    pub(super) ready: Cycle,
+    /// What the time was spent on.
+    pub(super) cause: Cause,
+    /// Whether the core may write the line from then on.
+    pub(super) owned: bool,
+}
+
 impl Hierarchy {
     pub(crate) fn new(spec: &MachineSpec) -> Hierarchy {
         Hierarchy {
@@ -72,6 +82,7 @@ impl Hierarchy {
 
     /// An access of `core` to `line` at `now`; `Err` is the time to ask again, when all MSHRs that it needs are taken, and
     /// then nothing has changed.
+    #[inline(always)]
     pub(crate) fn access(
         &mut self,
         core: usize,
@@ -79,20 +90,36 @@ impl Hierarchy {
         intent: Intent,
         now: Cycle,
     ) -> Result<Access, Cycle> {
-        let write = intent != Intent::Read;
-        let l1_hit_cycles = self.spec.l1d.hit_cycles;
-        if self.spec.ideal.memory {
-            let counters = &mut self.caches[core].l1_counters;
-            counters.accesses += 1;
-            counters.hits += 1;
-            return Ok(Access { ready: now + l1_hit_cycles, cause: Cause::L1, missed: false });
+        if self.l1_hit(core, line, intent != Intent::Read) {
+            return Ok(self.hit(now));
         }
-        if self.l1_hit(core, line, write) {
-            return Ok(Access { ready: now + l1_hit_cycles, cause: Cause::L1, missed: false });
+        self.access_beyond_hit(core, line, intent, now)
+    }
+
+    /// A hit in L1 at `now`.
+    #[inline(always)]
+    fn hit(&self, now: Cycle) -> Access {
+        Access { ready: now + self.spec.l1d.hit_cycles, cause: Cause::L1, missed: false }
+    }
+
+    /// An access that [`Hierarchy::l1_hit`] is not enough for.
+    #[inline(never)]
+    pub(crate) fn access_beyond_hit(
+        &mut self,
+        core: usize,
+        line: u32,
+        intent: Intent,
+        now: Cycle,
+    ) -> Result<Access, Cycle> {
+        let write = intent != Intent::Read;
+        let caches = &mut self.caches[core];
+        if self.spec.ideal.memory {
+            caches.l1_counters.accesses += 1;
+            caches.l1_counters.hits += 1;
+            return Ok(self.hit(now));
         }
 
         // On its way: wait for the same fill.
-        let caches = &mut self.caches[core];
         let l1_slot = caches.l1.find(line);
         if let Some(slot) = l1_slot {
             let bits = caches.l1.bits(slot);
@@ -105,35 +132,31 @@ impl Hierarchy {
                 caches.l1.touch(slot);
                 caches.l1_counters.accesses += 1;
                 caches.l1_counters.merged += 1;
-                let ready = mshr.fill.max(now + l1_hit_cycles);
+                let ready = mshr.fill.max(now + self.spec.l1d.hit_cycles);
                 return Ok(Access { ready, cause: mshr.cause, missed: true });
             }
             caches.l1.set_bits(slot, bits & !Tags::PENDING);
             if may {
                 // It has arrived since.
                 assert!(self.l1_hit(core, line, write), "core {core} holds line {line:#x}");
-                return Ok(Access { ready: now + l1_hit_cycles, cause: Cause::L1, missed: false });
+                return Ok(self.hit(now));
             }
         }
 
         // A miss: every resource it needs must be free before anything changes.
-        let free = caches.l1_mshrs.free_at(now);
-        if free > now {
-            return Err(free);
-        }
-        let (ready, cause) = self.l2_access(core, line, intent, now)?;
+        let mshr = caches.l1_mshrs.free(now)?;
+        let L2Access { ready, cause, owned } = self.l2_access(core, line, intent, now)?;
         let caches = &mut self.caches[core];
         caches.l1_counters.accesses += 1;
         caches.l1_counters.misses += 1;
-        caches.l1_mshrs.hold(line, now, ready, cause);
+        caches.l1_mshrs.hold(mshr, line, ready, cause);
 
         // Fill the L1 now; PENDING sends those who come early to the MSHR.
-        let l2_slot = caches.l2.find(line);
-        let owned = l2_slot.is_some_and(|slot| State::from_bits(caches.l2.bits(slot)).is_owner());
         let mut bits = Tags::PENDING;
         bits |= if owned { Tags::WRITABLE } else { 0 };
         bits |= if write { Tags::DIRTY } else { 0 };
-        match caches.l1.find(line) {
+        // The slot is still the line's: making room in the L2 takes other lines only.
+        match l1_slot {
             Some(slot) => {
                 caches.l1_counters.upgrades += 1;
                 caches.l1.set_bits(slot, bits);
@@ -160,19 +183,15 @@ impl Hierarchy {
         Ok(())
     }
 
-    /// An L1 miss or L2 prefetch at `now`, the time of the uop: when the line is usable, and why then.
-    fn l2_access(
-        &mut self,
-        core: usize,
-        line: u32,
-        intent: Intent,
-        now: Cycle,
-    ) -> Result<(Cycle, Cause), Cycle> {
+    /// An L1 miss or L2 prefetch at `now`, the time of the uop.
+    fn l2_access(&mut self, core: usize, line: u32, intent: Intent, now: Cycle) -> Result<L2Access, Cycle> {
         let hit_cycles = self.spec.l2.hit_cycles;
         let caches = &mut self.caches[core];
-        if let Some(slot) = caches.l2.find(line) {
+        let l2_slot = caches.l2.find(line);
+        if let Some(slot) = l2_slot {
             let bits = caches.l2.bits(slot);
-            if intent == Intent::Read || State::from_bits(bits).is_owner() {
+            let owned = State::from_bits(bits).is_owner();
+            if intent == Intent::Read || owned {
                 caches.l2.touch(slot);
                 caches.l2_counters.accesses += 1;
                 if intent != Intent::Read {
@@ -181,25 +200,23 @@ impl Hierarchy {
                 if bits & Tags::PENDING != 0 {
                     if let Some(mshr) = caches.l2_mshrs.in_flight(line, now) {
                         caches.l2_counters.merged += 1;
-                        return Ok((mshr.fill.max(now + hit_cycles), mshr.cause));
+                        let ready = mshr.fill.max(now + hit_cycles);
+                        return Ok(L2Access { ready, cause: mshr.cause, owned });
                     }
                     let bits = caches.l2.bits(slot);
                     caches.l2.set_bits(slot, bits & !Tags::PENDING);
                 }
                 caches.l2_counters.hits += 1;
-                return Ok((now + hit_cycles, Cause::L2));
+                return Ok(L2Access { ready: now + hit_cycles, cause: Cause::L2, owned });
             }
         }
-        let free = caches.l2_mshrs.free_at(now);
-        if free > now {
-            return Err(free);
-        }
+        let mshr = caches.l2_mshrs.free(now)?;
         caches.l2_counters.accesses += 1;
         caches.l2_counters.misses += 1;
         // The L2 has to find out that it misses first.
-        let (fill, cause) = self.transact(core, line, intent, now + hit_cycles);
-        self.caches[core].l2_mshrs.hold(line, now, fill, cause);
-        Ok((fill, cause))
+        let access = self.transact(core, line, l2_slot, intent, now + hit_cycles);
+        self.caches[core].l2_mshrs.hold(mshr, line, access.ready, access.cause);
+        Ok(access)
     }
 }
 

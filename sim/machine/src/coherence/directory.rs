@@ -28,6 +28,7 @@ pub(crate) struct Directory {
 
 impl Directory {
     /// The record of `line`, and the pool that its sharers may lie in.
+    #[inline]
     pub(crate) fn record(&mut self, line: u32) -> (&mut Record, &mut Pool) {
         let (pages, index) = if line >= STACK_BASE_LINE {
             (&mut self.stacks, (line - STACK_BASE_LINE) as usize)

@@ -3,10 +3,11 @@
 //! It is timed whole when it leaves the core. All shared resources remember which of their slots are taken, so a request
 //! that leaves a little earlier than one already timed still finds its place before it.
 
+use super::access::L2Access;
 use super::transition::{Event, Others, Source, State, transition};
 use super::{Hierarchy, directory::Record, sharers::Sharers};
 use crate::Cycle;
-use crate::cache::{Intent, Tags};
+use crate::cache::{Intent, Slot, Tags};
 use crate::counters::Cause;
 use crate::ring::Message;
 
@@ -24,25 +25,40 @@ impl Hierarchy {
         (controller * u64::from(self.spec.cores) / u64::from(self.spec.memory.controllers)) as u32
     }
 
-    /// Serves a request that leaves `core` at `now`. Returns when line or ownership are there, and what held them up.
-    pub(super) fn transact(&mut self, core: usize, line: u32, intent: Intent, now: Cycle) -> (Cycle, Cause) {
+    /// Serves a request that leaves `core` at `now`, whose L2 has the line in `l2_slot` if at all. Returns when line or
+    /// ownership are there, and what held them up.
+    pub(super) fn transact(
+        &mut self,
+        core: usize,
+        line: u32,
+        l2_slot: Option<Slot>,
+        intent: Intent,
+        now: Cycle,
+    ) -> L2Access {
         let me = core as u32;
         let home = self.home_of(line);
         let ring_waits_before = self.rings.counters.wait_cycles;
         self.counters.transactions += 1;
 
+        // Records are seldom in the host's caches: ask for both that this transaction needs now, so that the host has them
+        // by the time the request has travelled.
+        let record = *self.directory.record(line).0;
+        if l2_slot.is_none()
+            && let Some(victim) = self.caches[core].l2.victim_of(line)
+        {
+            std::hint::black_box(self.directory.record(victim).0.sharers);
+        }
+
         // To the home, and wait there for the slice and for earlier transactions on the line.
         let arrived = self.rings.send(me, home, Message::Short, now);
         let served = self.slices[home as usize].take(arrived);
-        let (record, pool) = self.directory.record(line);
         let others = match record.sharers.owner() {
             Some(owner) if owner != me => Others::Own,
             Some(_) => Others::Nobody,
-            None if record.sharers.nearest(me, pool).is_some() => Others::Share,
+            None if record.sharers.nearest(me, &self.directory.pool).is_some() => Others::Share,
             None => Others::Nobody,
         };
-        let slot = self.caches[core].l2.find(line);
-        let state = slot.map_or(State::I, |slot| State::from_bits(self.caches[core].l2.bits(slot)));
+        let state = l2_slot.map_or(State::I, |slot| State::from_bits(self.caches[core].l2.bits(slot)));
         let event = match intent {
             Intent::Read => Event::Read(others),
             Intent::Write => Event::Write(others),
@@ -107,7 +123,7 @@ impl Hierarchy {
         }
 
         self.note(core, line, next, others, changes_owner, done);
-        self.fill_l2(core, line, next, done);
+        self.fill_l2(core, line, l2_slot, next, done);
 
         let ring_waits = self.rings.counters.wait_cycles - ring_waits_before;
         let cause = if ring_waits * 2 > done - now {
@@ -117,7 +133,7 @@ impl Hierarchy {
         } else {
             Cause::Remote
         };
-        (done, cause)
+        L2Access { ready: done, cause, owned: next.is_owner() }
     }
 
     /// Writes down who has the line now, and until when it is busy.
@@ -182,11 +198,11 @@ impl Hierarchy {
         }
     }
 
-    /// Puts a line in a core's L2, where it may be already, and makes room for it.
-    fn fill_l2(&mut self, core: usize, line: u32, state: State, now: Cycle) {
+    /// Puts a line in a core's L2, where it may be already in `slot`, and makes room for it.
+    fn fill_l2(&mut self, core: usize, line: u32, slot: Option<Slot>, state: State, now: Cycle) {
         let caches = &mut self.caches[core];
         let bits = state as u8 | Tags::PENDING;
-        if let Some(slot) = caches.l2.find(line) {
+        if let Some(slot) = slot {
             caches.l2_counters.upgrades += 1;
             caches.l2.set_bits(slot, bits);
             caches.l2.touch(slot);

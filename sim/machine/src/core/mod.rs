@@ -134,6 +134,11 @@ impl Core {
         self.wake = self.threads.iter().map(|thread| thread.next.at()).min().unwrap_or(Cycle::MAX);
     }
 
+    /// Whether `thread` has been sent to the task counter and not yet got anything.
+    pub(crate) fn takes_part(&self, thread: usize) -> bool {
+        self.threads.get(thread).is_some_and(|thread| thread.state == State::Ended)
+    }
+
     /// A thread that has come to the end of its stream by `now`.
     pub(crate) fn ended(&self, now: Cycle) -> Option<usize> {
         self.threads.iter().position(|thread| thread.state == State::Ended && thread.next.at() <= now)
@@ -228,7 +233,7 @@ impl Thread {
         let place = |distance: u32| self.pc.wrapping_sub(distance as usize) % 256;
         let a = self.ready[place(uop >> 8 & 0xff)];
         let b = self.ready[place(uop >> 16 & 0xff)];
-        let c = self.ready[place(uop >> 24 & row.third_producer)];
+        let c = self.ready[place(uop >> 24 & u32::from(row.third_producer))];
         a.max(b).max(c)
     }
 
@@ -251,10 +256,10 @@ impl Thread {
         let place = self.pc % 256;
         self.pc += 1;
         match row.kind {
-            Kind::Compute => self.ready[place] = When::new(now + row.latency, Cause::Dependency),
+            Kind::Compute => self.ready[place] = When::new(now + row.latency(), Cause::Dependency),
             Kind::Branch => {
                 self.ready[place] = When::new(now + 1, Cause::Dependency);
-                *hold = (*hold).max(When::new(now + row.latency, Cause::Dependency));
+                *hold = (*hold).max(When::new(now + row.latency(), Cause::Dependency));
             }
             Kind::Access(intent) if uop >> 24 == 1 => {
                 // The common case: one line, and the L1 has it.
@@ -262,7 +267,7 @@ impl Thread {
                 let write = intent != crate::cache::Intent::Read;
                 if hierarchy.l1_hit(core, line, write) {
                     self.line_pc += 1;
-                    self.ready[place] = When::new(now + row.latency, Cause::L1);
+                    self.ready[place] = When::new(now + row.latency(), Cause::L1);
                 } else {
                     self.start_walk(tables, hierarchy, core, now, uop, row, hold);
                 }
@@ -285,14 +290,14 @@ impl Thread {
         hold: &mut When,
     ) {
         let lines = uop >> 24;
-        self.walk = Walk::new(self.pc - 1, row, lines, now);
+        let walk = Walk::new(self.pc - 1, row, lines, now);
         let until = if tables.stepwise { now } else { Cycle::MAX };
-        *hold = (*hold).max(self.advance_walk(tables, hierarchy, core, until));
+        *hold = (*hold).max(self.advance_walk(tables, hierarchy, core, walk, until));
     }
 
     /// Goes on with a gather whose next line is due.
     fn continue_walk(&mut self, tables: &CoreTables, hierarchy: &mut Hierarchy, core: usize, now: Cycle) {
-        let hold = self.advance_walk(tables, hierarchy, core, now);
+        let hold = self.advance_walk(tables, hierarchy, core, self.walk, now);
         if self.state == State::Walking {
             self.next = hold;
             return;

@@ -1,5 +1,6 @@
 //! What timing needs to know of a class, one row each.
 
+use crate::Cycle;
 use crate::cache::Intent;
 use crate::config::MachineSpec;
 use lrbsim_isa::uop::Class;
@@ -33,20 +34,31 @@ pub(super) const LOAD_PORT: u8 = 2;
 pub(super) const STORE_PORT: u8 = 4;
 const BRANCH_UNIT: u8 = 8;
 
-/// One row.
+/// One row, in one word of the host.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Row {
-    pub(super) latency: u64,
+    latency: u32,
     /// `0xff` where the last byte of the uop is a distance, 0 where it counts lines.
-    pub(super) third_producer: u32,
+    pub(super) third_producer: u8,
     pub(super) uses: u8,
     pub(super) kind: Kind,
 }
 
+const _: () = assert!(size_of::<Row>() == 8);
+
+impl Row {
+    /// Of no uop.
+    pub(super) const NONE: Row = Row { latency: 1, third_producer: 0, uses: PIPE_U, kind: Kind::Compute };
+
+    #[inline(always)]
+    pub(super) fn latency(self) -> Cycle {
+        Cycle::from(self.latency)
+    }
+}
+
 /// Rows by class byte; the table has a row for every byte, so that looking one up needs no check.
 pub(super) fn table(spec: &MachineSpec) -> Box<[Row; 256]> {
-    let empty = Row { latency: 1, third_producer: 0, uses: PIPE_U, kind: Kind::Compute };
-    let mut table = Box::new([empty; 256]);
+    let mut table = Box::new([Row::NONE; 256]);
     for class in Class::ALL {
         table[class as usize] = row(spec, class);
     }
@@ -87,5 +99,6 @@ fn row(spec: &MachineSpec, class: Class) -> Row {
         Class::SpillStore => (1, STORE_PORT, Spill(Write)),
         Class::SpillLoad => (hit, LOAD_PORT, Spill(Read)),
     };
+    let latency = u32::try_from(latency).expect("validated: a latency is far below 2^32 cycles");
     Row { latency, third_producer: if class.is_memory() { 0 } else { 0xff }, uses, kind }
 }

@@ -36,28 +36,28 @@ impl Walk {
             issued: now,
             due: now,
             last: now,
-            ready: When::new(now + row.latency, Cause::L1),
+            ready: When::new(now + row.latency(), Cause::L1),
             missing: nothing,
         }
     }
 
     pub(super) fn idle() -> Walk {
-        let row = Row { latency: 1, third_producer: 0, uses: 0, kind: Kind::Compute };
-        Walk::new(0, row, 0, 0)
+        Walk::new(0, Row::NONE, 0, 0)
     }
 }
 
 impl Thread {
-    /// Hands on the lines that are due until `until`. Returns when the thread may go on; its state says whether that is
-    /// with the next line ([`State::Walking`]) or with the next uop.
+    /// Hands on the lines of `walk` that are due until `until`. Returns when the thread may go on; its state says whether
+    /// that is with the next line ([`State::Walking`]) or with the next uop.
+    #[inline(always)]
     pub(super) fn advance_walk(
         &mut self,
         tables: &CoreTables,
         hierarchy: &mut Hierarchy,
         core: usize,
+        mut walk: Walk,
         until: Cycle,
     ) -> When {
-        let mut walk = self.walk;
         let kind = walk.row.kind;
         while walk.done < walk.lines {
             if walk.due > until {
@@ -101,7 +101,6 @@ impl Thread {
 
         // All lines are handed on.
         self.state = State::Running;
-        self.walk = walk;
         self.ready[walk.uop % 256] = walk.ready;
         let mut hold = When::new(walk.last, Cause::GatherLines);
         if matches!(kind, Kind::Gather(_) | Kind::GatherPrefetch) {
@@ -120,6 +119,7 @@ impl Thread {
 }
 
 /// One line of a memory uop of `kind`.
+#[inline(always)]
 fn access(
     hierarchy: &mut Hierarchy,
     tables: &CoreTables,
@@ -153,6 +153,7 @@ fn access(
 }
 
 /// A locked operation: owns the line, then works on it alone.
+#[inline(never)]
 pub(crate) fn locked(
     hierarchy: &mut Hierarchy,
     core: usize,
