@@ -34,7 +34,18 @@ pub fn dot<V: Vpu>(v: &mut V, a: Vec3<V>, b: Vec3<V>) -> V::F32 {
     v.vmadd(a[0], b[0], yz)
 }
 
-/// `a x b`, not contracted, so that `a x b = -(b x a)` to the last bit [algorithms, 1.2].
+/// Normal of the plane through the light and the edge `low -> high`: `low x high`, formed as `low x (high - low)`.
+///
+/// Of two long vectors that are nearly the same the product would lose all digits that tell them apart: under a light a
+/// thousand scenes away planes would be off by half a scene. The ends are ordered by vertex number, so that all who share an
+/// edge get the same bits [algorithms, 1.2].
+#[inline(always)]
+pub fn edge_normal<V: Vpu>(v: &mut V, low: Vec3<V>, high: Vec3<V>) -> Vec3<V> {
+    let along = sub(v, high, low);
+    cross(v, low, along)
+}
+
+/// `a x b`.
 #[inline(always)]
 pub fn cross<V: Vpu>(v: &mut V, a: Vec3<V>, b: Vec3<V>) -> Vec3<V> {
     let mut component = |i: usize, j: usize| {

@@ -4,7 +4,9 @@ mod common;
 
 use common::{On, Run, shipped};
 use lrbsim_isa::HostSimd;
+use lrbsim_workloads::glam::DVec3;
 use lrbsim_workloads::reference::{ErrorMetrics, Occluders, shadow_rays};
+use lrbsim_workloads::{Adjacency, Light, ShadowInput};
 
 /// Visibility by the kernels and by f64 brute force over the same f32 input.
 fn both(name: &str, size: Option<(u32, u32)>) -> (Vec<f64>, Vec<f64>) {
@@ -49,4 +51,21 @@ fn shadow_rays_agree_on_tiny() {
     let metrics = ErrorMetrics::new(&shadow_rays(&scene.mesh, &scene.light, &eye, 512), &kernels);
     println!("{metrics:?}");
     assert!(metrics.shadowed > 100 && metrics.atty_mae < 0.03, "{metrics:?}");
+}
+
+/// Positions are light-centred f32: at a distance of thousands of scenes they still part the scene into thousands of steps.
+/// What is left is the relative epsilon, which lets light in within 1e-5 of the distance from a contact.
+#[test]
+fn a_light_thousands_of_scenes_away_casts_the_right_shadows() {
+    for distance in [1e2, 1e3, 1e4] {
+        let (mut scene, eye, _) = shipped("tiny", None);
+        scene.light = Light::Sphere { center: DVec3::new(0.1, 1.0, 0.1) * distance, radius: 0.01 * distance };
+        let adjacency = Adjacency::new(&scene.mesh);
+        let input = ShadowInput::new(&scene, &adjacency, &eye);
+        let run = Run::new(&input, On::Host(HostSimd::detect(), 2));
+        let test: Vec<f64> = run.visibility().into_iter().map(f64::from).collect();
+        let metrics = ErrorMetrics::new(&shadow_rays(&scene.mesh, &scene.light, &eye, 256), &test);
+        println!("light at {distance}: {metrics:?}");
+        assert!(metrics.off_by_quarter * 50 <= test.len(), "light at {distance}: {metrics:?}");
+    }
 }

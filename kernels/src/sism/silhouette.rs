@@ -10,7 +10,7 @@ use super::layout::{EDGE_WORDS, Layout};
 use super::soft::rounding_offset;
 use super::touch::{faces_of_edges, faces_of_triangles};
 use crate::columns::lanes_below;
-use crate::plane::{AWAY, FACES_SHIFT, RELATIVE_EPSILON, TRIANGLE_WORDS, Vec3, cross, dot, sub};
+use crate::plane::{AWAY, FACES_SHIFT, RELATIVE_EPSILON, TRIANGLE_WORDS, Vec3, cross, dot, edge_normal, sub};
 
 /// Triangles or edges of a task.
 const TASK: u32 = 256;
@@ -129,16 +129,20 @@ impl Kernel for Triangles {
             let mut flags = [layers; 3];
             for (edge, (from, to, start, end)) in pairs.into_iter().enumerate() {
                 let swapped = v.vicmp_gt(corners[from], corners[to]);
-                let plane_normal = cross(v, start, end);
+                let mut low = start;
+                let mut high = end;
+                for axis in 0..3 {
+                    low[axis] = v.vblend_f32(swapped, end[axis], start[axis]);
+                    high[axis] = v.vblend_f32(swapped, start[axis], end[axis]);
+                }
+                let plane_normal = edge_normal(v, low, high);
+                // Right of low -> high: towards the light and in order, or away and swapped.
+                let right = v.kxor(toward, swapped);
                 for (axis, x) in plane_normal.into_iter().enumerate() {
-                    // Left of start -> end is inside for a triangle that faces away.
-                    inward[edge][axis] = v.vsub_or(x, toward, zero, x);
-                    let x = v.vsub_or(x, swapped, zero, x);
+                    inward[edge][axis] = v.vsub_or(x, right, zero, x);
                     let word = 12 * edge as u64 + 4 * axis as u64;
                     v.vscatter_f32(live, layout.triangle_records.plus(word), at, x);
                 }
-                // Right of low -> high: towards the light and in order, or away and swapped.
-                let right = v.kxor(toward, swapped);
                 let flag = if edge == 0 { layers } else { v.vset_i32(0) };
                 flags[edge] = v.vor_or(flag, right, flag, sign_bit);
             }
@@ -305,7 +309,7 @@ impl Kernel for Records {
             let weight = v.vgather_i32_or(none, live, layout.edge_weights, edge);
             let a = positions(v, layout, live, low);
             let b = positions(v, layout, live, high);
-            let normal = cross(v, a, b);
+            let normal = edge_normal(v, a, b);
             // Least distance from the light: the foot of the perpendicular, where it lies on the edge.
             let along = sub(v, b, a);
             let length2 = dot(v, along, along);
