@@ -1,9 +1,9 @@
 //! Machines and scenes from names, files and the command line.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use lrbsim_machine::{MachineConfig, MachineSpec, builtin_machine, builtin_machine_names};
-use lrbsim_workloads::scene::{builtin_names, builtin_scene, parse_scene, validate};
+use lrbsim_workloads::scene::{builtin_names, builtin_scene, parse_scene, validate, validate_light_size};
 use lrbsim_workloads::{Scene, SceneError, SceneFile, load_scene};
 use serde_json::Value;
 
@@ -188,6 +188,22 @@ pub fn scene(name: &str) -> Result<Scene, BadInput> {
         .map_err(|error| bad_scene(name, Some(&text), &error))
 }
 
+/// The files that `scene` was read from when it was asked for as `name`.
+pub fn scene_files(name: &str, scene: &Scene) -> Vec<PathBuf> {
+    if builtin_scene(name).is_some() {
+        return Vec::new();
+    }
+    let path = Path::new(name);
+    // Of a model itself, the source is its own name again; what is made by code names no file.
+    let mesh = path.parent().unwrap_or(Path::new("")).join(&scene.source);
+    vec![path.to_owned(), mesh]
+}
+
+/// The file that the machine `name` was read from.
+pub fn machine_file(name: &str) -> Option<PathBuf> {
+    builtin_machine(name).is_none().then(|| PathBuf::from(name))
+}
+
 /// An error of a scene, with its place in the scene file where there is one.
 fn bad_scene(file: &str, text: Option<&str>, error: &SceneError) -> BadInput {
     let bad = BadInput::new(error.to_string());
@@ -198,10 +214,12 @@ fn bad_scene(file: &str, text: Option<&str>, error: &SceneError) -> BadInput {
             Some(span) => bad.at(file, text, span, format!("must be {expected}")),
             None => bad.at(file, text, 0..0, format!("`{at}` must be {expected}")),
         },
-        SceneError::Obj(_) | SceneError::NoTriangles { .. } => match spots.value("mesh") {
-            Some(span) => bad.at(file, text, span, "this mesh"),
-            None => bad,
-        },
+        SceneError::Obj(_) | SceneError::NoTriangles { .. } | SceneError::NoExtent { .. } => {
+            match spots.value("mesh") {
+                Some(span) => bad.at(file, text, span, "this mesh"),
+                None => bad,
+            }
+        }
         SceneError::Json(_) | SceneError::Read { .. } | SceneError::Unknown { .. } => bad,
     }
 }
@@ -230,7 +248,9 @@ fn recheck(scene: &Scene, option: &str) -> Result<(), BadInput> {
         image: scene.image,
         light: scene.light,
     };
-    validate(&file).map_err(|error| BadInput::new(format!("`{option}`: {error}")))
+    validate(&file)
+        .and_then(|()| validate_light_size(&scene.light, &scene.mesh))
+        .map_err(|error| BadInput::new(format!("`{option}`: {error}")))
 }
 
 #[cfg(test)]

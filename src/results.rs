@@ -10,18 +10,32 @@ use crate::algorithm::Algorithm;
 use crate::error::BadInput;
 use crate::frame::RunOutput;
 
-/// Every file that a run may write.
-const FILES: [&str; 9] = [
-    "image.png",
-    "visibility.png",
-    "receivers.npy",
-    "normals.npy",
-    "visibility.npy",
-    "light.json",
-    "mesh.obj",
-    "host.json",
-    "report.json",
-];
+/// What every run writes.
+const FILES: [&str; 4] = ["image.png", "visibility.png", "host.json", "report.json"];
+
+/// What a dump adds.
+const DUMPS: [&str; 5] = ["receivers.npy", "normals.npy", "visibility.npy", "light.json", "mesh.obj"];
+
+/// Names of the files that a run writes, with or without its dump.
+pub fn names(dump: bool) -> Vec<&'static str> {
+    FILES.into_iter().chain(if dump { &DUMPS[..] } else { &[] }.iter().copied()).collect()
+}
+
+/// Refuses to write files called `names` to `dir` if one of them is a file that was read.
+pub fn spare_inputs<N: AsRef<Path>>(dir: &Path, names: &[N], inputs: &[PathBuf]) -> Result<(), BadInput> {
+    // A file that does not exist has no canonical path, and cannot be lost.
+    let read: Vec<PathBuf> = inputs.iter().filter_map(|path| path.canonicalize().ok()).collect();
+    for path in names.iter().map(|name| dir.join(name)) {
+        if path.canonicalize().is_ok_and(|path| read.contains(&path)) {
+            return Err(BadInput::new(format!(
+                "`{}` is an input, and a result of this name would replace it",
+                path.display()
+            ))
+            .with_help("name another folder with `-o`"));
+        }
+    }
+    Ok(())
+}
 
 /// Default folder of a run: `out/<scene>-<machine>-<algorithm>`.
 pub fn default_dir(scene: &str, machine: &str, algorithm: Algorithm) -> PathBuf {
@@ -53,7 +67,7 @@ pub fn write(
     }
     dir.stage("host.json", output.host.to_json().as_bytes())?;
     dir.stage("report.json", output.report.to_json().as_bytes())?;
-    Ok(dir.commit(&FILES)?)
+    Ok(dir.commit()?)
 }
 
 #[cfg(test)]

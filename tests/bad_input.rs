@@ -115,6 +115,7 @@ fn a_setting_of_nothing_is_refused() {
     refused(&folder, &["tiny", "--set", "l2.way=4"], &["`l2` has no field `way`", "did you mean `ways`?"]);
     refused(&folder, &["tiny", "--set", "cores=lots"], &["`--set cores`", "expected u32"]);
     refused(&folder, &["tiny", "--set", "cores"], &["has no `=`"]);
+    refused(&folder, &["tiny", "--set", "name="], &["`name` is empty; it must be"]);
 }
 
 #[test]
@@ -144,6 +145,55 @@ fn a_model_without_triangles_is_refused() {
 }
 
 #[test]
+fn a_model_at_one_point_is_refused() {
+    let folder = Folder::new();
+    for corners in ["v 1 2 3\nv 1 2 3\nv 1 2 3\n", "v 0 0 0\nv 1e-300 0 0\nv 0 1e-300 0\n"] {
+        folder.write("model.obj", &format!("{corners}f 1 2 3\n"));
+        refused(
+            &folder,
+            &["model.obj"],
+            &["all vertices of `model.obj` lie at one point", "at least 1e-100"],
+        );
+        folder.write("scene.json", SCENE);
+        refused(&folder, &["scene.json"], &["lie at one point", "scene.json:2:11"]);
+    }
+}
+
+#[test]
+fn a_light_too_large_for_f32_is_refused() {
+    let folder = Folder::new();
+    let parts = ["`light.radius` is 1e20; it must be at most 1e9 times the scene's diagonal"];
+    refused(&folder, &["tiny", "--light-radius", "1e20"], &[parts[0], "`--light-radius`"]);
+    folder.write("model.obj", TRIANGLE);
+    folder.write("scene.json", &SCENE.replace("0.2", "1e20"));
+    refused(&folder, &["scene.json"], &[parts[0], "scene.json:5:"]);
+}
+
+#[test]
+fn a_result_does_not_replace_an_input() {
+    let folder = Folder::new();
+    folder.write("mesh.obj", TRIANGLE);
+    folder.write("light.json", &SCENE.replace("model", "mesh"));
+    let text = lrbsim_machine::builtin_machine("larrabee-24").expect("shipped");
+    folder.write("report.json", text);
+    let before = folder.names();
+    let small = ["--size", "8x8", "--fidelity", "functional"];
+    for (scene, more, lost) in [
+        ("mesh.obj", &["--dump", "-o", "."][..], "mesh.obj"),
+        ("light.json", &["--dump", "-o", "./"], "light.json"),
+        ("tiny", &["-m", "report.json", "-o", "."], "report.json"),
+    ] {
+        let args: Vec<&str> = ["run", scene].into_iter().chain(small).chain(more.iter().copied()).collect();
+        folder.run(&args).refused(&[lost, "is an input", "`-o`"]);
+        assert_eq!(folder.names(), before);
+    }
+    folder.run(&["scene", "export", "mesh.obj", "-o", "."]).refused(&["mesh.obj", "is an input"]);
+    folder.run(&["scene", "export", "light.json", "-o", "."]).refused(&["light.json", "is an input"]);
+    assert_eq!(folder.names(), before);
+    assert_eq!(std::fs::read_to_string(folder.path("mesh.obj")).expect("still there"), TRIANGLE);
+}
+
+#[test]
 fn a_model_with_a_broken_index_is_refused() {
     let folder = Folder::new();
     folder.write("broken.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n");
@@ -158,7 +208,7 @@ fn a_model_with_a_broken_index_is_refused() {
 fn an_output_folder_that_cannot_be_written_is_refused_before_the_run() {
     let folder = Folder::new();
     folder.write("file", "not a folder");
-    folder.run(&["run", "tiny", "-o", "file"]).refused(&["cannot create", "file"]);
+    folder.run(&["run", "tiny", "-o", "file"]).refused(&["cannot create", "`file` is a file, not a folder"]);
     folder.run(&["run", "tiny", "-o", "file/below"]).refused(&["cannot create", "file/below"]);
     folder.run(&["scene", "export", "tiny", "-o", "file/below"]).refused(&["cannot create", "file/below"]);
     assert_eq!(folder.names(), ["file"]);
@@ -190,7 +240,7 @@ fn checks_tell_sound_from_unsound() {
     folder.run(&["machine", "check", "machine.json"]).refused(&["`cores`", "-8", "machine.json:4:12"]);
     folder.write("model.obj", TRIANGLE);
     folder.write("scene.json", SCENE);
-    assert!(folder.run(&["scene", "check", "scene.json"]).ok().stdout().contains("1 triangles"));
+    assert!(folder.run(&["scene", "check", "scene.json"]).ok().stdout().contains("1 triangle,"));
     folder.write("scene.json", &SCENE.replace("0.2", "-0.2"));
     folder.run(&["scene", "check", "scene.json"]).refused(&["`light.radius` is -0.2", "scene.json:5:"]);
 }

@@ -78,6 +78,28 @@ fn a_model_needs_no_further_options() {
     assert!(folder.path("out/box-larrabee-24-sism/image.png").exists());
 }
 
+#[test]
+fn a_run_keeps_files_that_it_does_not_write() {
+    let folder = Folder::new();
+    let kept = ["light.json", "mesh.obj", "receivers.npy"];
+    for name in kept {
+        folder.write(name, "v 0 0 0\nv 1 0 0\nv 0 0 1\nf 1 2 3\n");
+    }
+    folder.run(&["run", "mesh.obj", "--size", "8x8", "--fidelity", "functional", "-o", "."]).ok();
+    assert_eq!(
+        folder.names(),
+        [
+            "host.json",
+            "image.png",
+            "light.json",
+            "mesh.obj",
+            "receivers.npy",
+            "report.json",
+            "visibility.png"
+        ]
+    );
+}
+
 /// Fields that an object may have and those it must have, by the schema of a file format.
 fn fields_of_schema(folder: &Folder, format: &str) -> (Vec<String>, Vec<String>) {
     let text = folder.run(&["schema", format]).ok().stdout();

@@ -44,65 +44,75 @@ fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
 
 /// A folder of results that appear together.
 ///
-/// [`ResultDir::open`] proves at once that the folder can be written, before a long run. Files go to a staging folder inside
-/// it and [`ResultDir::commit`] renames them into place. Dropped without `commit`, it leaves nothing behind.
+/// [`ResultDir::open`] proves at once that the folder can be written, before a long run, and leaves nothing there. The first
+/// staged file creates a staging folder inside it and [`ResultDir::commit`] renames the files into place. Dropped without
+/// `commit`, it leaves nothing behind. Files of other names are never touched.
 #[derive(Debug)]
 pub struct ResultDir {
     target: PathBuf,
-    staging: PathBuf,
+    /// Present once something is staged.
+    staging: Option<PathBuf>,
     /// The folders that this value created, innermost first: removed again when nothing is committed.
     created: Vec<PathBuf>,
     names: Vec<String>,
 }
 
 impl ResultDir {
-    /// Opens `target` for results, creating it and its parents when they are missing.
+    /// Opens `target` for results; it and its parents may be missing, they are created when something is staged.
     pub fn open(target: &Path) -> Result<ResultDir, FileError> {
-        let created: Vec<PathBuf> = target
-            .ancestors()
-            .take_while(|folder| !folder.as_os_str().is_empty() && !folder.exists())
-            .map(Path::to_owned)
-            .collect();
-        let staging = target.join(format!(".partial-{}", std::process::id()));
-        // Built first, so that a failure half way removes what was created.
-        let dir = ResultDir { target: target.to_owned(), staging, created, names: Vec::new() };
-        fs::create_dir_all(&dir.target)
-            .map_err(|error| FileError::new("cannot create", &dir.target, error))?;
-        fs::create_dir_all(&dir.staging)
-            .and_then(|()| write_whole(&dir.staging.join("probe"), b""))
-            .and_then(|()| fs::remove_file(dir.staging.join("probe")))
-            .map_err(|error| FileError::new("cannot write to", &dir.target, error))?;
-        Ok(dir)
+        let cannot_create = |error| FileError::new("cannot create", target, error);
+        let nearest = nearest_existing(target).map_err(cannot_create)?;
+        if !nearest.is_dir() {
+            let file = nearest.display();
+            return Err(cannot_create(io::Error::other(format!("`{file}` is a file, not a folder"))));
+        }
+        let probe = nearest.join(format!(".lrbsim-probe-{}", std::process::id()));
+        fs::File::create_new(&probe)
+            .and_then(|_| fs::remove_file(&probe))
+            .map_err(|error| FileError::new("cannot write to", target, error))?;
+        Ok(ResultDir { target: target.to_owned(), staging: None, created: Vec::new(), names: Vec::new() })
     }
 
     /// Stages one file; `name` may not contain a separator.
     pub fn stage(&mut self, name: &str, bytes: &[u8]) -> Result<(), FileError> {
-        let path = self.staging.join(name);
+        let path = self.staging()?.join(name);
         write_whole(&path, bytes)
             .map_err(|error| FileError::new("cannot write", &self.target.join(name), error))?;
         self.names.push(name.to_owned());
         Ok(())
     }
 
-    /// Moves all staged files into place, in the order they were staged, and tells their paths.
-    ///
-    /// Files named in `family` that were not staged are removed: they are left from an earlier run and would be taken for
-    /// results of this one.
-    pub fn commit(mut self, family: &[&str]) -> Result<Vec<PathBuf>, FileError> {
-        for stale in family.iter().filter(|name| !self.names.iter().any(|staged| staged == *name)) {
-            let path = self.target.join(stale);
-            match fs::remove_file(&path) {
-                Err(error) if error.kind() != io::ErrorKind::NotFound => {
-                    return Err(FileError::new("cannot remove", &path, error));
-                }
-                _ => {}
-            }
+    /// The staging folder, created when it is first asked for.
+    fn staging(&mut self) -> Result<PathBuf, FileError> {
+        if let Some(staging) = &self.staging {
+            return Ok(staging.clone());
         }
+        // Noted first, so that a failure half way removes what was created.
+        self.created = self
+            .target
+            .ancestors()
+            .take_while(|folder| !folder.as_os_str().is_empty() && !folder.exists())
+            .map(Path::to_owned)
+            .collect();
+        fs::create_dir_all(&self.target)
+            .map_err(|error| FileError::new("cannot create", &self.target, error))?;
+        // A killed process of the same id may have left such a folder; it is not this one's to remove.
+        let staging = (0_u32..)
+            .map(|n| self.target.join(format!(".partial-{}-{n}", std::process::id())))
+            .find(|folder| !folder.exists())
+            .expect("a folder does not hold 2^32 of them");
+        fs::create_dir(&staging).map_err(|error| FileError::new("cannot write to", &self.target, error))?;
+        self.staging = Some(staging.clone());
+        Ok(staging)
+    }
+
+    /// Moves all staged files into place, in the order they were staged, and tells their paths.
+    pub fn commit(mut self) -> Result<Vec<PathBuf>, FileError> {
         let mut paths = Vec::new();
         for name in &self.names {
+            let from = self.staging.as_deref().expect("what is named was staged").join(name);
             let to = self.target.join(name);
-            fs::rename(self.staging.join(name), &to)
-                .map_err(|error| FileError::new("cannot write", &to, error))?;
+            fs::rename(from, &to).map_err(|error| FileError::new("cannot write", &to, error))?;
             paths.push(to);
         }
         self.created.clear();
@@ -110,10 +120,24 @@ impl ResultDir {
     }
 }
 
+/// `path`, or the nearest folder or file above it that exists.
+fn nearest_existing(path: &Path) -> io::Result<&Path> {
+    for place in path.ancestors().filter(|place| !place.as_os_str().is_empty()) {
+        match place.symlink_metadata() {
+            Ok(_) => return Ok(place),
+            Err(error) if matches!(error.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory) => {}
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(Path::new("."))
+}
+
 impl Drop for ResultDir {
     fn drop(&mut self) {
         // Best effort: an error here would hide the one that led here.
-        let _ = fs::remove_dir_all(&self.staging);
+        if let Some(staging) = &self.staging {
+            let _ = fs::remove_dir_all(staging);
+        }
         for folder in &self.created {
             let _ = fs::remove_dir(folder);
         }
@@ -140,20 +164,28 @@ mod tests {
         let mut dir = ResultDir::open(&target).expect("writable");
         dir.stage("one", b"1").expect("writable");
         dir.stage("two", b"2").expect("writable");
-        assert_eq!(dir.commit(&[]).expect("renamed"), [target.join("one"), target.join("two")]);
+        assert_eq!(dir.commit().expect("renamed"), [target.join("one"), target.join("two")]);
         assert_eq!(listing(&target), ["one", "two"]);
     }
 
     #[test]
-    fn leftovers_of_an_earlier_run_are_removed() {
+    fn files_of_other_names_stay() {
         let root = tempfile::tempdir().expect("a temporary folder");
-        for name in ["dump", "notes"] {
+        for name in ["light.json", "mesh.obj"] {
             fs::write(root.path().join(name), b"old").expect("writable");
         }
         let mut dir = ResultDir::open(root.path()).expect("writable");
         dir.stage("one", b"1").expect("writable");
-        dir.commit(&["one", "dump", "absent"]).expect("renamed");
-        assert_eq!(listing(root.path()), ["notes", "one"]);
+        dir.commit().expect("renamed");
+        assert_eq!(listing(root.path()), ["light.json", "mesh.obj", "one"]);
+    }
+
+    #[test]
+    fn an_open_folder_holds_nothing_that_an_interrupt_could_leave() {
+        let root = tempfile::tempdir().expect("a temporary folder");
+        let _here = ResultDir::open(root.path()).expect("writable");
+        let _below = ResultDir::open(&root.path().join("a/b")).expect("writable");
+        assert!(listing(root.path()).is_empty());
     }
 
     #[test]
@@ -183,6 +215,7 @@ mod tests {
         fs::write(&file, b"").expect("writable");
         let error = ResultDir::open(&file.join("out")).expect_err("a file has no folders");
         assert!(error.to_string().starts_with("cannot create"), "{error}");
+        assert!(error.to_string().ends_with("file` is a file, not a folder"), "{error}");
     }
 
     #[test]

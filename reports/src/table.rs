@@ -44,7 +44,7 @@ fn heading(text: &mut String, report: &RunReport) {
     let cores = if machine.cores == 1 { "core" } else { "cores" };
     let _ = write!(
         text,
-        "{} on {} ({} {cores} at {} GHz), {}, {}\n{} x {} pixels, {} receivers, {} triangles, {} silhouette edges\n",
+        "{} on {} ({} {cores} at {} GHz), {}, {}\n{} x {} pixels, {}, {}, {}\n",
         scene.name,
         machine.name,
         machine.cores,
@@ -53,9 +53,9 @@ fn heading(text: &mut String, report: &RunReport) {
         report.provenance.fidelity,
         scene.width,
         scene.height,
-        grouped(scene.receivers),
-        grouped(scene.triangles),
-        grouped(scene.silhouette_edges)
+        counted(scene.receivers, "receiver"),
+        counted(scene.triangles, "triangle"),
+        counted(scene.silhouette_edges, "silhouette edge")
     );
 }
 
@@ -114,14 +114,15 @@ fn label(cause: Cause) -> &'static str {
         Cause::L1 => "L1",
         Cause::L2 => "L2",
         Cause::GatherLines => "gather lines",
+        // Threads without a task wait there too.
+        Cause::Barrier => "barrier/idle",
         Cause::Issue
         | Cause::Dependency
         | Cause::Remote
         | Cause::Ring
         | Cause::Memory
         | Cause::Atomic
-        | Cause::Queue
-        | Cause::Barrier => cause.name(),
+        | Cause::Queue => cause.name(),
     }
 }
 
@@ -175,10 +176,20 @@ fn lay_out(text: &mut String, rows: &[Row], phase_rows: usize) {
             }
         }
         // A title of unforeseen length may not break the layout of a terminal.
-        let line: String = line.trim_end().chars().take(WIDTH_MAX).collect();
-        text.push_str(&line);
+        text.push_str(&clipped(line.trim_end()));
         text.push('\n');
     }
+}
+
+/// `line` in at most [`WIDTH_MAX`] columns, without half a percentage at its end.
+fn clipped(line: &str) -> String {
+    let mut clipped: String = line.chars().take(WIDTH_MAX).collect();
+    if clipped.len() < line.len()
+        && let Some(end) = clipped.rfind(", ")
+    {
+        clipped.truncate(end);
+    }
+    clipped
 }
 
 fn number(value: Option<f64>, decimals: usize) -> String {
@@ -208,6 +219,11 @@ pub fn grouped(count: u64) -> String {
         text.push(digit);
     }
     text
+}
+
+/// `1 triangle`, `1 234 triangles`.
+pub fn counted(count: u64, thing: &str) -> String {
+    format!("{} {thing}{}", grouped(count), if count == 1 { "" } else { "s" })
 }
 
 #[cfg(test)]
@@ -240,7 +256,24 @@ mod tests {
         }
         for line in render(&report).lines() {
             assert!(line.chars().count() <= WIDTH_MAX, "{line}");
+            assert!(!line.contains("gather") || line.ends_with('%'), "{line}");
         }
+    }
+
+    #[test]
+    fn waiting_for_the_end_of_a_step_is_not_taken_for_the_cost_of_its_barrier() {
+        let mut report = sample::timed();
+        report.phases[0].cycle_stack =
+            Some(lrbsim_machine::CycleStack { issue: 20, barrier: 80, ..Default::default() });
+        assert!(render(&report).contains("  barrier/idle 80%\n"));
+    }
+
+    #[test]
+    fn one_of_a_thing_has_no_plural() {
+        assert_eq!(
+            [0, 1, 1234].map(|n| counted(n, "triangle")),
+            ["0 triangles", "1 triangle", "1 234 triangles"]
+        );
     }
 
     #[test]

@@ -91,6 +91,9 @@ pub(crate) fn run(args: &RunArgs, out: &mut impl Write) -> Result<(), Failure> {
         Some(target) => target.clone(),
         None => results::default_dir(&scene.name, &machine.config.name, algorithm),
     };
+    let mut files_read = inputs::scene_files(&args.scene, &scene);
+    files_read.extend(inputs::machine_file(&args.machine));
+    results::spare_inputs(&target, &results::names(args.dump), &files_read)?;
     let dir = ResultDir::open(&target)
         .map_err(|error| BadInput::from(error).with_help("`-o` must name a folder that can be written"))?;
 

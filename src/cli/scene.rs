@@ -4,9 +4,9 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use clap::Subcommand;
-use lrbsim::{BadInput, inputs};
+use lrbsim::{BadInput, inputs, results};
 use lrbsim_reports::files::ResultDir;
-use lrbsim_reports::table::grouped;
+use lrbsim_reports::table::{counted, grouped};
 use lrbsim_workloads::scene::builtin_names;
 use lrbsim_workloads::{Adjacency, EyeView, Light, Scene, mesh_obj, scene_json, silhouette_edges};
 
@@ -48,10 +48,10 @@ pub(crate) fn run(command: &SceneCommand, out: &mut impl Write) -> Result<(), Fa
             let scene = inputs::scene(name)?;
             writeln!(out, "{name}: sound: {}", summary(&scene))?;
         }
-        SceneCommand::Export { scene, out: dir } => {
-            let scene = inputs::scene(scene)?;
+        SceneCommand::Export { scene: name, out: dir } => {
+            let scene = inputs::scene(name)?;
             let dir = dir.clone().unwrap_or_else(|| Path::new("out").join(&scene.name));
-            for path in export(&scene, &dir)? {
+            for path in export(&scene, &inputs::scene_files(name, &scene), &dir)? {
                 writeln!(out, "wrote {}", path.display())?;
             }
         }
@@ -59,20 +59,21 @@ pub(crate) fn run(command: &SceneCommand, out: &mut impl Write) -> Result<(), Fa
     Ok(())
 }
 
-fn export(scene: &Scene, dir: &Path) -> Result<Vec<PathBuf>, BadInput> {
+fn export(scene: &Scene, files_read: &[PathBuf], dir: &Path) -> Result<Vec<PathBuf>, BadInput> {
+    let (model, file) = (format!("{}.obj", scene.name), format!("{}.json", scene.name));
+    results::spare_inputs(dir, &[&model, &file], files_read)?;
     let mut dir = ResultDir::open(dir)?;
-    let model = format!("{}.obj", scene.name);
     dir.stage(&model, mesh_obj(&scene.mesh).as_bytes())?;
     let mut text = scene_json(scene, &model);
     text.push('\n');
-    dir.stage(&format!("{}.json", scene.name), text.as_bytes())?;
-    Ok(dir.commit(&[])?)
+    dir.stage(&file, text.as_bytes())?;
+    Ok(dir.commit()?)
 }
 
 fn summary(scene: &Scene) -> String {
     format!(
-        "{} triangles, {} x {} pixels, {}",
-        grouped(scene.mesh.triangles.len() as u64),
+        "{}, {} x {} pixels, {}",
+        counted(scene.mesh.triangles.len() as u64, "triangle"),
         scene.image.width,
         scene.image.height,
         light_text(&scene.light)

@@ -43,6 +43,12 @@ pub enum SceneError {
         /// The mesh as the scene names it.
         mesh: String,
     },
+    /// Nothing that could be seen from anywhere.
+    #[error("all vertices of `{mesh}` lie at one point; a scene must measure at least 1e-100")]
+    NoExtent {
+        /// The mesh as the scene names it.
+        mesh: String,
+    },
 }
 
 impl SceneError {

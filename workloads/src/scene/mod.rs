@@ -13,7 +13,9 @@ use std::path::Path;
 pub use builtin::{builtin_names, builtin_scene};
 pub use error::SceneError;
 pub use file::{MeshSource, Procedural, SceneFile};
-pub use validate::validate;
+pub use validate::{validate, validate_light_size};
+
+use validate::validate_extent;
 
 use crate::adjacency::prepare;
 use crate::camera::{Camera, ImageSize};
@@ -45,13 +47,15 @@ impl Scene {
     /// Puts a scene together from a file's content and its mesh, which is prepared here.
     ///
     /// # Errors
-    /// If a value is unsound or the mesh has no triangles.
+    /// If a value is unsound, or the mesh has no triangles or no extent.
     pub fn new(name: &str, file: &SceneFile, mut mesh: Mesh) -> Result<Self, SceneError> {
         validate(file)?;
         let source = file.mesh.to_string();
         if mesh.triangles.is_empty() {
             return Err(SceneError::NoTriangles { mesh: source });
         }
+        validate_extent(&mesh, &source)?;
+        validate_light_size(&file.light, &mesh)?;
         prepare(&mut mesh);
         let SceneFile { camera, image, light, .. } = *file;
         Ok(Self { name: name.to_owned(), mesh, camera, image, light, source, fit: None })
@@ -81,6 +85,7 @@ pub fn load_scene(arg: &str, base_dir: &Path) -> Result<Scene, SceneError> {
             if mesh.triangles.is_empty() {
                 return Err(SceneError::NoTriangles { mesh: arg.to_owned() });
             }
+            validate_extent(&mesh, arg)?;
             Ok(Scene { name, source: arg.to_owned(), ..fit_scene(mesh) })
         }
         _ => Err(SceneError::Unknown { found: arg.to_owned(), known: builtin_names().join(", ") }),

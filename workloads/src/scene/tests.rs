@@ -83,6 +83,7 @@ fn error_of(from: &str, to: &str) -> String {
 fn unsound_values_are_named_with_their_path() {
     for (from, to, expected) in [
         ("\"radius\": 0.12", "\"radius\": -1", "`light.radius` is -1"),
+        ("\"radius\": 0.12", "\"radius\": 1e20", "`light.radius` is 1e20; it must be at most 1e9 times"),
         ("\"fov_y_degrees\": 45", "\"fov_y_degrees\": 180", "`camera.fov_y_degrees` is 180"),
         ("\"width\": 64", "\"width\": 0", "`image.width` is 0"),
         ("\"width\": 64", "\"width\": 16385", "in 1..=16384"),

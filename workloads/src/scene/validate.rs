@@ -6,12 +6,16 @@ use super::error::SceneError;
 use super::file::{MeshSource, SceneFile};
 use crate::camera::{Camera, ImageSize};
 use crate::light::Light;
-use crate::mesh::length;
+use crate::mesh::{Mesh, length};
 
 /// Largest side of a picture, in pixels.
 const SIDE_MAX: u32 = 16384;
 /// Sine of the least angle between view and up.
 const UP_SINE_MIN: f64 = 1e-6;
+/// Least diagonal of a scene: its cube is still a normal f64.
+const DIAGONAL_MIN: f64 = 1e-100;
+/// Largest radius of a light as a multiple of the scene's diagonal: kernels square it in f32, twice.
+const LIGHT_RADIUS_MAX: f64 = 1e9;
 
 /// Checks every value: what passes can be rendered.
 ///
@@ -26,6 +30,34 @@ pub fn validate(file: &SceneFile) -> Result<(), SceneError> {
     camera(&file.camera)?;
     image(file.image)?;
     light(&file.light)
+}
+
+/// Checks that the vertices of `mesh` do not all lie at one point; `name` is how errors call it.
+pub(super) fn validate_extent(mesh: &Mesh, name: &str) -> Result<(), SceneError> {
+    if mesh.bounds().diagonal() < DIAGONAL_MIN {
+        return Err(SceneError::NoExtent { mesh: name.to_owned() });
+    }
+    Ok(())
+}
+
+/// Checks that `light` is not so large beside `mesh` that f32 cannot hold both.
+///
+/// # Errors
+/// [`SceneError::Value`] if it is.
+pub fn validate_light_size(light: &Light, mesh: &Mesh) -> Result<(), SceneError> {
+    let (radius, diagonal) = (light.disc_radius(), mesh.bounds().diagonal());
+    if radius <= LIGHT_RADIUS_MAX * diagonal {
+        return Ok(());
+    }
+    let expected = format!("at most {LIGHT_RADIUS_MAX:e} times the scene's diagonal of {diagonal}");
+    Err(match light {
+        Light::Sphere { .. } | Light::Disc { .. } | Light::Point { .. } => {
+            value("light.radius", format_args!("{radius:e}"), &expected)
+        }
+        Light::Rect { .. } | Light::Linear { .. } => {
+            value("light", format_args!("as large as a disc of radius {radius:e}"), &expected)
+        }
+    })
 }
 
 fn value(at: &str, found: impl ToString, expected: &str) -> SceneError {

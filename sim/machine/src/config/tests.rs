@@ -56,11 +56,13 @@ fn every_number_has_a_source_and_every_source_a_field() {
 #[test]
 fn unsound_numbers_are_refused_by_path() {
     type Edit = fn(&mut MachineConfig);
-    let cases: [(&str, Edit); 16] = [
+    let cases: [(&str, Edit); 18] = [
+        ("name", |c| c.name = " ".to_owned()),
         ("cores", |c| c.cores = 0),
         ("threads_per_core", |c| c.threads_per_core = 0),
         ("clock_ghz", |c| c.clock_ghz = f64::NAN),
         ("clock_ghz", |c| c.clock_ghz = f64::INFINITY),
+        ("clock_ghz", |c| c.clock_ghz = 1e-9),
         ("core.gather_lines_per_cycle", |c| c.core.gather_lines_per_cycle = 0.0),
         ("core.latency_cycles.mask", |c| c.core.latency_cycles.mask = 0),
         ("l1d.capacity_bytes", |c| c.l1d.capacity_bytes = 1000),
@@ -81,6 +83,31 @@ fn unsound_numbers_are_refused_by_path() {
         assert_eq!(error.path, path, "{error}");
         assert!(error.to_string().contains("must be"), "{error}");
     }
+}
+
+#[test]
+fn times_of_the_memory_are_bounded_in_cycles() {
+    type Field = fn(&mut MemoryConfig) -> &mut f64;
+    let fields: [(&str, Field); 2] =
+        [("memory.latency_ns", |m| &mut m.latency_ns), ("memory.row_cycle_ns", |m| &mut m.row_cycle_ns)];
+    for (path, field) in fields {
+        let mut config = shipped("larrabee-24");
+        config.clock_ghz = 100.0;
+        *field(&mut config.memory) = 10_000.0;
+        config.validate().expect("a million cycles");
+        *field(&mut config.memory) = 100_000.0;
+        let error = config.validate().expect_err(path);
+        assert_eq!(error.path, path, "{error}");
+        assert!(error.to_string().contains("at most 10000: 1000000 cycles at clock_ghz, 100"), "{error}");
+    }
+}
+
+#[test]
+fn a_cache_that_is_too_large_is_told_the_limit() {
+    let mut config = shipped("larrabee-24");
+    config.l2.capacity_bytes = 1 << 60;
+    let error = config.validate().expect_err("2^60 bytes");
+    assert!(error.expected.contains("from 512 to 1073741824"), "{error}");
 }
 
 #[test]

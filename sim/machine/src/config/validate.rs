@@ -18,6 +18,10 @@ pub struct ConfigError {
 
 /// Fixed-point unit of times that are fractions of a cycle.
 const FRACTION: f64 = 256.0;
+/// Longest time of the memory, in cycles.
+const MEMORY_CYCLES_MAX: f64 = 1e6;
+/// Largest cache.
+const CACHE_BYTES_MAX: u64 = 1 << 30;
 const LINE_BYTES: u64 = lrbsim_isa::arena::LINE_BYTES;
 
 fn error<T>(path: &str, found: impl Display, expected: impl Display) -> Result<T, ConfigError> {
@@ -47,7 +51,16 @@ fn latency(path: &str, value: u32) -> Result<u64, ConfigError> {
 
 /// A time of the memory in whole cycles, rounded up.
 fn cycles_of_ns(path: &str, ns: f64, clock_ghz: f64) -> Result<u64, ConfigError> {
-    Ok((positive(path, ns, 100_000.0)? * clock_ghz).ceil() as u64)
+    let cycles = positive(path, ns, 100_000.0)? * clock_ghz;
+    if cycles > MEMORY_CYCLES_MAX {
+        let most = MEMORY_CYCLES_MAX / clock_ghz;
+        return error(
+            path,
+            ns,
+            format_args!("at most {most}: {MEMORY_CYCLES_MAX} cycles at clock_ghz, {clock_ghz}"),
+        );
+    }
+    Ok(cycles.ceil() as u64)
 }
 
 fn cache(at: &str, config: &CacheConfig) -> Result<CacheSpec, ConfigError> {
@@ -55,12 +68,12 @@ fn cache(at: &str, config: &CacheConfig) -> Result<CacheSpec, ConfigError> {
     let ways = range(&path("ways"), config.ways, 1, 16)?;
     let set_bytes = LINE_BYTES * u64::from(ways);
     let bytes = config.capacity_bytes;
-    if bytes == 0 || !bytes.is_multiple_of(set_bytes) || bytes > 1 << 30 {
+    if bytes == 0 || !bytes.is_multiple_of(set_bytes) || bytes > CACHE_BYTES_MAX {
         return error(
             &path("capacity_bytes"),
             bytes,
             format_args!(
-                "a multiple of {set_bytes} ({ways} ways of {LINE_BYTES} bytes), at least {set_bytes}"
+                "a multiple of {set_bytes} ({ways} ways of {LINE_BYTES} bytes), from {set_bytes} to {CACHE_BYTES_MAX}"
             ),
         );
     }
@@ -73,7 +86,13 @@ fn cache(at: &str, config: &CacheConfig) -> Result<CacheSpec, ConfigError> {
 }
 
 pub(super) fn validate(config: &MachineConfig) -> Result<MachineSpec, ConfigError> {
-    let clock_ghz = positive("clock_ghz", config.clock_ghz, 100.0)?;
+    if config.name.trim().is_empty() {
+        return error("name", "empty", "some text: reports and folders are named after it");
+    }
+    let clock_ghz = config.clock_ghz;
+    if !(0.001..=100.0).contains(&clock_ghz) {
+        return error("clock_ghz", clock_ghz, "from 0.001 to 100");
+    }
     let cores = range("cores", config.cores, 1, 4096)?;
     let threads_per_core = range("threads_per_core", config.threads_per_core, 1, 16)?;
 
@@ -144,7 +163,7 @@ pub(super) fn validate(config: &MachineConfig) -> Result<MachineSpec, ConfigErro
     let controllers = range("memory.controllers", config.memory.controllers, 1, 1024)?;
     let bandwidth = positive("memory.bandwidth_gb_per_s", config.memory.bandwidth_gb_per_s, 1e6)?;
     let line_interval = LINE_BYTES as f64 * clock_ghz * f64::from(controllers) / bandwidth;
-    if line_interval > 1e6 {
+    if line_interval > MEMORY_CYCLES_MAX {
         return error("memory.bandwidth_gb_per_s", bandwidth, "enough for one line in 10⁶ cycles");
     }
     let row_bytes = u64::from(config.memory.row_bytes);
