@@ -3,7 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use lrbsim_machine::{MachineConfig, MachineSpec, builtin_machine, builtin_machine_names};
-use lrbsim_workloads::scene::{builtin_names, builtin_scene, parse_scene, validate, validate_light_size};
+use lrbsim_workloads::scene::{
+    builtin_names, builtin_scene, model_names, parse_scene, validate, validate_light_size,
+};
 use lrbsim_workloads::{Scene, SceneError, SceneFile, load_scene};
 use serde_json::Value;
 
@@ -173,7 +175,8 @@ pub fn scene(name: &str) -> Result<Scene, BadInput> {
         return load_scene(name, Path::new("")).map_err(|error| BadInput::new(error.to_string()));
     }
     if !looks_like_file(name, "json") && !looks_like_file(name, "obj") {
-        return Err(unknown_name(name, "scene", "FILE.json, FILE.obj", &builtin_names()));
+        let known = [builtin_names(), model_names()].concat();
+        return Err(unknown_name(name, "scene", "FILE.json, FILE.obj", &known));
     }
     let path = Path::new(name);
     if !path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json")) {
@@ -214,12 +217,13 @@ fn bad_scene(file: &str, text: Option<&str>, error: &SceneError) -> BadInput {
             Some(span) => bad.at(file, text, span, format!("must be {expected}")),
             None => bad.at(file, text, 0..0, format!("`{at}` must be {expected}")),
         },
-        SceneError::Obj(_) | SceneError::NoTriangles { .. } | SceneError::NoExtent { .. } => {
-            match spots.value("mesh") {
-                Some(span) => bad.at(file, text, span, "this mesh"),
-                None => bad,
-            }
-        }
+        SceneError::Obj(_)
+        | SceneError::ModelMissing { .. }
+        | SceneError::NoTriangles { .. }
+        | SceneError::NoExtent { .. } => match spots.value("mesh") {
+            Some(span) => bad.at(file, text, span, "this mesh"),
+            None => bad,
+        },
         SceneError::Json(_) | SceneError::Read { .. } | SceneError::Unknown { .. } => bad,
     }
 }

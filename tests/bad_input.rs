@@ -39,6 +39,7 @@ fn a_missing_file_is_named() {
     refused(&folder, &["tiny", "-m", "gone.json"], &["cannot read `gone.json`"]);
     folder.write("scene.json", SCENE);
     refused(&folder, &["scene.json"], &["model.obj", "scene.json:2:11"]);
+    refused(&folder, &["bunny"], &["the model `bunny.obj` is not in", "LRBSIM_SCENES"]);
 }
 
 #[test]

@@ -11,7 +11,7 @@ use lrbsim_machine::Fidelity;
 #[test]
 fn an_exported_scene_gives_the_same_picture() {
     let folder = Folder::new();
-    for name in ["tiny", "cornell"] {
+    for name in ["tiny", "cornell", "table"] {
         let printed = folder.run(&["scene", "export", name, "-o", "exported"]).ok().stdout();
         assert!(
             printed.contains(&format!("{name}.json")) && printed.contains(&format!("{name}.obj")),
@@ -45,11 +45,13 @@ fn lists_name_what_is_shipped() {
         assert!(machines.lines().any(|line| line.starts_with(name)), "{machines}");
     }
     let scenes = folder.run(&["scene", "list"]).ok().stdout();
-    for name in ["saloon-small", "tiny", "table", "cornell"] {
+    for name in ["palm", "fern", "street", "saloon", "saloon-small", "tiny", "table", "cornell"] {
         assert!(scenes.lines().any(|line| line.starts_with(name)), "{scenes}");
     }
+    let bunny = scenes.lines().find(|line| line.starts_with("bunny")).expect("views of models are listed");
+    assert!(bunny.contains("needs bunny.obj") && bunny.contains("LRBSIM_SCENES"), "{bunny}");
     let shown = folder.run(&["scene", "show", "tiny"]).ok().stdout();
-    for part in ["triangles", "silhouette edges", "receivers", "light", "camera"] {
+    for part in ["triangles", "silhouette edges", "receivers", "light", "penumbra", "camera"] {
         assert!(shown.contains(part), "{shown}");
     }
 }
@@ -98,6 +100,25 @@ fn a_run_keeps_files_that_it_does_not_write() {
             "visibility.png"
         ]
     );
+}
+
+#[test]
+fn models_are_looked_up_in_the_search_path_first() {
+    let folder = Folder::new();
+    let scene = lrbsim_workloads::builtin_scene("tiny").expect("shipped");
+    folder.write("scene.json", &scene.replace(r#"{"procedural": "tiny"}"#, r#""model.obj""#));
+    let corners = "v -1 0 -1\nv 1 0 -1\nv 0 0 1\nv 0 1 0\n";
+    folder.write("model.obj", &format!("{corners}f 1 2 3\n"));
+    std::fs::create_dir(folder.path("models")).expect("the folder can be written");
+    folder.write("models/model.obj", &format!("{corners}f 1 2 3\nf 1 2 4\n"));
+    let triangles = |search: &str| {
+        let mut command = lrbsim();
+        command.current_dir(folder.path("")).args(["scene", "check", "scene.json"]);
+        let output = command.env("LRBSIM_SCENES", search).output().expect("the binary starts");
+        String::from_utf8(output.stdout).expect("text")
+    };
+    assert!(triangles("models").contains("2 triangles"));
+    assert!(triangles("nowhere").contains("1 triangle"));
 }
 
 /// Fields that an object may have and those it must have, by the schema of a file format.

@@ -7,16 +7,27 @@ use clap::Subcommand;
 use lrbsim::{BadInput, inputs, results};
 use lrbsim_reports::files::ResultDir;
 use lrbsim_reports::table::{counted, grouped};
-use lrbsim_workloads::scene::builtin_names;
-use lrbsim_workloads::{Adjacency, EyeView, Light, Scene, mesh_obj, scene_json, silhouette_edges};
+use lrbsim_workloads::scene::{builtin_names, find_model, model_names};
+use lrbsim_workloads::{
+    Adjacency, EyeView, Light, MeshSource, Preview, Scene, SceneFile, builtin_scene, mesh_obj, scene_json,
+    silhouette_edges,
+};
 
 use super::Failure;
 
+/// Width of the picture that the penumbra share of `show` is taken from.
+const PREVIEW_WIDTH: u32 = 240;
+/// Width of the picture in letters.
+const THUMBNAIL_COLUMNS: u32 = 80;
+
 #[derive(Debug, Subcommand)]
 pub(crate) enum SceneCommand {
-    /// List the shipped scenes.
+    /// List the shipped scenes, and the views of models that must be found.
+    ///
+    /// A model is looked up in the folders of LRBSIM_SCENES, in their order, and then beside the scene file; for a
+    /// shipped view, in the current folder.
     List,
-    /// Print what is in a scene.
+    /// Print what is in a scene, and what it looks like.
     Show {
         /// A shipped scene, a scene file (.json) or a model (.obj).
         scene: String,
@@ -40,7 +51,10 @@ pub(crate) fn run(command: &SceneCommand, out: &mut impl Write) -> Result<(), Fa
     match command {
         SceneCommand::List => {
             for name in builtin_names() {
-                writeln!(out, "{name:14} {}", summary(&inputs::scene(name)?))?;
+                writeln!(out, "{name:16} {}", summary(&inputs::scene(name)?))?;
+            }
+            for name in model_names() {
+                writeln!(out, "{name:16} {}", model_summary(name)?)?;
             }
         }
         SceneCommand::Show { scene } => show(&inputs::scene(scene)?, out)?,
@@ -80,6 +94,21 @@ fn summary(scene: &Scene) -> String {
     )
 }
 
+/// A view of a model that is not in the binary, without reading it.
+fn model_summary(name: &str) -> Result<String, BadInput> {
+    let text = builtin_scene(name).ok_or_else(|| BadInput::new(format!("`{name}` is not shipped")))?;
+    let file: SceneFile =
+        serde_json::from_str(text).map_err(|error| BadInput::new(format!("`{name}`: {error}")))?;
+    let MeshSource::Path(model) = &file.mesh else {
+        return Err(BadInput::new(format!("`{name}` names no model")));
+    };
+    let found = match find_model(model, Path::new("")) {
+        Ok(path) => format!("uses {}", path.display()),
+        Err(_) => format!("needs {model} (in a folder of LRBSIM_SCENES, or here)"),
+    };
+    Ok(format!("{found}, {} x {} pixels, {}", file.image.width, file.image.height, light_text(&file.light)))
+}
+
 fn show(scene: &Scene, out: &mut impl Write) -> Result<(), Failure> {
     let adjacency = Adjacency::new(&scene.mesh);
     let eye = EyeView::render(&scene.mesh, &scene.camera, scene.image.width, scene.image.height);
@@ -103,6 +132,23 @@ fn show(scene: &Scene, out: &mut impl Write) -> Result<(), Failure> {
         "camera            from {} to {}, up {}, {} degrees",
         camera.eye, camera.target, camera.up, camera.fov_y_degrees
     )?;
+    let preview = Preview::new(scene, PREVIEW_WIDTH);
+    let distance = (scene.light.center() - bounds.center()).length();
+    writeln!(
+        out,
+        "light geometry    radius {:.4} as a disc, {:.3} from the scene's middle, {:.2} of its diagonal",
+        scene.light.disc_radius(),
+        distance,
+        distance / bounds.diagonal().max(f64::MIN_POSITIVE)
+    )?;
+    writeln!(
+        out,
+        "penumbra          about {:.0} % of the receivers (shadow rays, {} x {} pixels)",
+        100.0 * preview.penumbra_share(),
+        preview.width,
+        preview.height
+    )?;
+    write!(out, "\n{}", preview.text(THUMBNAIL_COLUMNS))?;
     Ok(())
 }
 

@@ -53,7 +53,7 @@ pub fn names(folder: &Path) -> Vec<String> {
 /// The binary, in plain text whatever terminal the tests run on.
 pub fn lrbsim() -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_lrbsim"));
-    command.env("NO_COLOR", "1").env_remove("RUST_BACKTRACE");
+    command.env("NO_COLOR", "1").env_remove("RUST_BACKTRACE").env_remove("LRBSIM_SCENES");
     command
 }
 

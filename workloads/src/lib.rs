@@ -25,6 +25,7 @@ pub mod scene;
 
 mod export;
 mod fit;
+mod preview;
 pub mod procedural;
 pub mod reference;
 
@@ -36,6 +37,7 @@ pub use eye::EyeView;
 pub use fit::{FitInfo, Fitted, fit_scene, fit_view};
 pub use light::Light;
 pub use mesh::{Bounds, Mesh, ObjectRange};
+pub use preview::Preview;
 pub use scene::{MeshSource, Scene, SceneError, SceneFile, builtin_names, builtin_scene, load_scene};
 pub use shadow_input::ShadowInput;
 

@@ -1,10 +1,16 @@
 //! Meshes made by code. The same name, seed and detail give the same bytes on every host.
 
 mod cornell;
+mod facade;
+mod fern;
 mod furniture;
+mod palm;
 mod random;
 mod saloon;
+mod saloon_hall;
 mod shapes;
+mod street;
+mod swept;
 mod table;
 mod tiny;
 
@@ -17,7 +23,7 @@ use crate::mesh::Mesh;
 use crate::scene::{Procedural, SceneError};
 
 /// Names of the generators.
-pub const NAMES: [&str; 4] = ["cornell", "saloon", "table", "tiny"];
+pub const NAMES: [&str; 8] = ["cornell", "fern", "palm", "saloon", "saloon-hall", "street", "table", "tiny"];
 
 /// Makes the mesh that a scene file asks for.
 ///
@@ -26,7 +32,11 @@ pub const NAMES: [&str; 4] = ["cornell", "saloon", "table", "tiny"];
 pub fn build(request: &Procedural) -> Result<Mesh, SceneError> {
     match request.procedural.as_str() {
         "cornell" => Ok(cornell::cornell()),
+        "fern" => Ok(fern::fern(request.seed, request.detail)),
+        "palm" => Ok(palm::palm(request.seed, request.detail)),
         "saloon" => Ok(saloon::saloon(request.seed, request.detail)),
+        "saloon-hall" => Ok(saloon_hall::saloon_hall(request.seed, request.detail)),
+        "street" => Ok(street::street(request.seed, request.detail)),
         "table" => Ok(table::table(request.detail)),
         "tiny" => Ok(tiny::tiny(request.detail)),
         other => Err(SceneError::Value {

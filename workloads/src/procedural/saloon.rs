@@ -129,7 +129,7 @@ fn wainscot(b: &mut Builder) {
 }
 
 /// Picture frame on the wall z = 0, from (0, 0) to (`width`, `height`).
-fn frame(b: &mut Builder, width: f64, height: f64) {
+pub fn frame(b: &mut Builder, width: f64, height: f64) {
     b.cuboid(at(0.0, 0.0, 0.0), at(width, 0.06, 0.04));
     b.cuboid(at(0.0, height - 0.06, 0.0), at(width, height, 0.04));
     b.cuboid(at(0.0, 0.06, 0.0), at(0.06, height - 0.06, 0.04));
@@ -206,7 +206,7 @@ fn stairs(b: &mut Builder) {
 }
 
 /// Bottles, mugs and a till along the bar.
-fn bar_top(b: &mut Builder, random: &mut Random) {
+pub fn bar_top(b: &mut Builder, random: &mut Random) {
     for k in 0..9 {
         let x = -2.1 + 0.5 * f64::from(k) + random.range(-0.1, 0.1);
         let z = random.range(-0.15, 0.2);
@@ -224,7 +224,7 @@ fn bar_top(b: &mut Builder, random: &mut Random) {
 }
 
 /// Mugs, a bottle and cards on a table at `center`.
-fn table_top(b: &mut Builder, center: DVec3, radius: f64, random: &mut Random) {
+pub fn table_top(b: &mut Builder, center: DVec3, radius: f64, random: &mut Random) {
     let first = random.range(0.0, TAU);
     for k in 0..3 {
         let turn = turn_y(first + TAU * f64::from(k) / 3.0);

@@ -74,12 +74,21 @@ impl Builder {
         self.mesh.objects.push(ObjectRange { name: name.to_owned(), first, last });
     }
 
-    fn vertex(&mut self, p: DVec3) -> u32 {
+    /// Sides of a round part that has `sides` at detail 1.
+    pub(super) fn sides(&self, sides: u32) -> u32 {
+        sides * self.detail
+    }
+
+    pub(super) fn vertex(&mut self, p: DVec3) -> u32 {
         self.mesh.positions.push(self.place.turn * p + self.place.shift);
         self.mesh.positions.len() as u32 - 1
     }
 
-    fn quad(&mut self, [a, b, c, d]: [u32; 4]) {
+    pub(super) fn triangle(&mut self, corners: [u32; 3]) {
+        self.mesh.triangles.push(corners);
+    }
+
+    pub(super) fn quad(&mut self, [a, b, c, d]: [u32; 4]) {
         self.mesh.triangles.extend([[a, b, c], [a, c, d]]);
     }
 

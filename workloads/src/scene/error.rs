@@ -37,6 +37,17 @@ pub enum SceneError {
     /// The mesh could not be read.
     #[error(transparent)]
     Obj(#[from] ObjError),
+    /// The model that a scene file names is nowhere.
+    #[error(
+        "the model `{model}` is not in {searched}; set LRBSIM_SCENES to the folder that has it, or put it beside the \
+         scene file"
+    )]
+    ModelMissing {
+        /// The model as the scene file names it.
+        model: String,
+        /// Folders that were searched.
+        searched: String,
+    },
     /// Nothing to see.
     #[error("`{mesh}` has no triangles; a scene needs at least one")]
     NoTriangles {

@@ -29,7 +29,7 @@ pub struct SceneFile {
     expecting = "a mesh is the path of an OBJ file, or {\"procedural\": NAME, \"seed\": N, \"detail\": N}"
 )]
 pub enum MeshSource {
-    /// An OBJ file; relative to the scene file.
+    /// An OBJ file: looked up in the folders of `LRBSIM_SCENES`, then beside the scene file.
     Path(String),
     /// Triangles made by code.
     Procedural(Procedural),

@@ -3,6 +3,7 @@
 mod builtin;
 mod error;
 mod file;
+pub mod search;
 mod validate;
 
 #[cfg(test)]
@@ -10,9 +11,10 @@ mod tests;
 
 use std::path::Path;
 
-pub use builtin::{builtin_names, builtin_scene};
+pub use builtin::{builtin_names, builtin_scene, model_names};
 pub use error::SceneError;
 pub use file::{MeshSource, Procedural, SceneFile};
+pub use search::find_model;
 pub use validate::{validate, validate_light_size};
 
 use validate::validate_extent;
@@ -64,7 +66,7 @@ impl Scene {
 
 /// Loads a scene: the name of a shipped one, a `FILE.json`, or a `FILE.obj`, which gets a fitted view.
 ///
-/// Paths of files are relative to `base_dir`; a mesh path in a scene file is relative to that file.
+/// Paths of files are relative to `base_dir`; the model that a scene file names is looked up as [`search`] says.
 ///
 /// # Errors
 /// If a file cannot be read or is not sound; names the place, what was found and what would be right.
@@ -92,7 +94,7 @@ pub fn load_scene(arg: &str, base_dir: &Path) -> Result<Scene, SceneError> {
     }
 }
 
-/// Makes a scene of the text of a scene file; its mesh path is relative to `mesh_dir`.
+/// Makes a scene of the text of a scene file that stands in `mesh_dir`; its model is looked up as [`search`] says.
 ///
 /// # Errors
 /// As [`load_scene`].
@@ -100,7 +102,7 @@ pub fn parse_scene(text: &str, name: &str, mesh_dir: &Path) -> Result<Scene, Sce
     let file: SceneFile = serde_json::from_str(text)?;
     validate(&file)?;
     let mesh = match &file.mesh {
-        MeshSource::Path(path) => obj::read_file(&mesh_dir.join(path))?,
+        MeshSource::Path(path) => obj::read_file(&find_model(path, mesh_dir)?)?,
         MeshSource::Procedural(procedural) => procedural::build(procedural)?,
     };
     Scene::new(name, &file, mesh)

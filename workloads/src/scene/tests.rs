@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::*;
 use crate::adjacency::{Adjacency, Counting, silhouette_edges};
-use crate::{EyeView, ShadowInput};
+use crate::{EyeView, Preview, ShadowInput};
 
 #[test]
 fn shipped_scenes_load_and_their_bodies_are_closed() {
@@ -118,4 +118,108 @@ fn all_kinds_of_light_can_be_written() {
         assert_eq!(serde_json::from_str::<Light>(&crate::light_json(&light)).expect(text), light);
     }
     assert_eq!(Light::Point { center: DVec3::X }.disc_radius(), 0.0);
+}
+
+/// Name, triangles, silhouette edges [algorithms, §2.10], least part of the receivers in penumbra.
+const PAPER: [(&str, usize, Option<usize>, f64); 4] = [
+    ("palm", 44_000, None, 0.0),
+    ("fern", 212_000, Some(13_000), 0.25),
+    ("street", 155_000, Some(29_000), 0.10),
+    ("saloon", 60_000, Some(8_000), 0.25),
+];
+
+#[test]
+fn scenes_of_the_paper_have_its_triangles_and_silhouette_edges() {
+    let off = |found: usize, paper: usize| (found as f64 - paper as f64).abs() / paper as f64;
+    for (name, triangles, edges, _) in PAPER {
+        let scene = load_scene(name, Path::new(".")).expect(name);
+        let found = scene.mesh.triangles.len();
+        assert!(off(found, triangles) <= 0.01, "{name}: {found} triangles");
+        if let Some(edges) = edges {
+            let adjacency = Adjacency::new(&scene.mesh);
+            let found = silhouette_edges(&scene.mesh, &adjacency, scene.light.center());
+            assert!(off(found, edges) <= 0.05, "{name}: {found} silhouette edges");
+        }
+    }
+}
+
+#[test]
+fn scenes_of_the_paper_have_its_pictures_and_wide_penumbrae() {
+    for (name, _, _, least) in PAPER {
+        let scene = load_scene(name, Path::new(".")).expect(name);
+        let expected = match name {
+            "palm" => (1024, 1024),
+            "fern" => (800, 600),
+            _ => (1600, 1200),
+        };
+        assert_eq!((scene.image.width, scene.image.height), expected, "{name}");
+        let preview = Preview::new(&scene, 160);
+        // Hard shadows have none; elsewhere the share is not far above what is asked for.
+        let share = preview.penumbra_share();
+        assert!(share >= least && (least > 0.0 || share == 0.0), "{name}: {share}");
+    }
+}
+
+#[test]
+fn the_lamp_of_the_saloon_is_in_view_and_close_to_things() {
+    let scene = load_scene("saloon", Path::new(".")).expect("shipped");
+    let axes = scene.camera.axes(scene.image);
+    let to_light = scene.light.center() - scene.camera.eye;
+    let depth = to_light.dot(axes.forward);
+    assert!(to_light.dot(axes.right).abs() < depth * axes.right.length_squared());
+    assert!(to_light.dot(axes.up).abs() < depth * axes.up.length_squared());
+    let near = scene.mesh.positions.iter().map(|p| (*p - scene.light.center()).length());
+    let nearest = near.fold(f64::INFINITY, f64::min);
+    assert!(nearest < 1.0 && nearest > scene.light.disc_radius(), "{nearest}");
+}
+
+/// FNV-1a of the scene as it is exported: every coordinate in full, camera, picture size and light.
+fn fingerprint(scene: &Scene) -> u64 {
+    let text = crate::mesh_obj(&scene.mesh) + &crate::scene_json(scene, "mesh.obj");
+    text.bytes()
+        .fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3))
+}
+
+/// Frozen: a shipped scene changes only together with the version of this crate and for a reason that the change
+/// names, as all tables made with it change too.
+const FROZEN: [(&str, u64); 8] = [
+    ("cornell", 0x40a5_b712_98ec_daf7),
+    ("fern", 0xef7c_5c6b_3e47_d6ea),
+    ("palm", 0x295a_3515_39af_061b),
+    ("saloon", 0x3607_c3de_b565_3bd6),
+    ("saloon-small", 0x60e9_6f87_49c0_d476),
+    ("street", 0x46cb_386f_b247_e538),
+    ("table", 0xf817_76b5_3928_5bd6),
+    ("tiny", 0xaef8_6c90_845b_eca1),
+];
+
+#[test]
+fn shipped_scenes_are_frozen() {
+    let found: Vec<(&str, u64)> = builtin_names()
+        .into_iter()
+        .map(|name| (name, fingerprint(&load_scene(name, Path::new(".")).expect(name))))
+        .collect();
+    let listed: Vec<String> =
+        found.iter().map(|(name, hash)| format!("(\"{name}\", 0x{hash:016x})")).collect();
+    assert!(found == FROZEN, "scenes are now:\n    {}", listed.join(",\n    "));
+}
+
+#[test]
+fn shipped_views_of_models_are_sound() {
+    for name in model_names() {
+        let file: SceneFile = serde_json::from_str(builtin_scene(name).expect(name)).expect(name);
+        validate(&file).expect(name);
+        assert_eq!(file.mesh, MeshSource::Path(format!("{name}.obj")));
+        assert!(!builtin_names().contains(&name));
+    }
+}
+
+#[test]
+fn an_exported_scene_reads_back_the_same() {
+    let scene = load_scene("table", Path::new(".")).expect("shipped");
+    let mut mesh = obj::read_bytes(crate::mesh_obj(&scene.mesh).as_bytes(), "table.obj").expect("sound");
+    prepare(&mut mesh);
+    assert_eq!((&mesh.positions, &mesh.triangles), (&scene.mesh.positions, &scene.mesh.triangles));
+    let file: SceneFile = serde_json::from_str(&crate::scene_json(&scene, "table.obj")).expect("sound");
+    assert_eq!((file.camera, file.image, file.light), (scene.camera, scene.image, scene.light));
 }

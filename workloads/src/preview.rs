@@ -1,0 +1,95 @@
+//! A small picture of a scene, by shadow rays on the host.
+
+use glam::DVec3;
+
+use crate::bvh::Bvh;
+use crate::eye::EyeView;
+use crate::reference::Rays;
+use crate::scene::Scene;
+
+/// Rays a receiver: enough to tell penumbra from umbra in most places.
+const RAYS: u32 = 24;
+
+/// What a scene looks like, roughly.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Preview {
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Brightness in [0, 1], row-major; `None` where there is nothing.
+    pub pixels: Vec<Option<f64>>,
+    /// Receivers.
+    pub receivers: usize,
+    /// Receivers that see a part of the light. An estimate, a little low.
+    pub penumbra: usize,
+}
+
+impl Preview {
+    /// Draws `scene` at `width` columns, its height in proportion.
+    #[must_use]
+    pub fn new(scene: &Scene, width: u32) -> Self {
+        let height = (width * scene.image.height).div_ceil(scene.image.width).max(1);
+        let bvh = Bvh::new(&scene.mesh);
+        let eye = EyeView::render_with(&bvh, &scene.mesh, &scene.camera, width, height);
+        let rays = Rays::new(&scene.light, RAYS);
+        let mut picture = Self {
+            width,
+            height,
+            pixels: vec![None; (width * height) as usize],
+            receivers: eye.points.len(),
+            penumbra: 0,
+        };
+        for (i, &pixel) in eye.pixels.iter().enumerate() {
+            // Turned by the golden section from pixel to pixel, so that few rays do not show as bands.
+            let turn = (f64::from(pixel) * 0.618_033_988_749_895).fract();
+            let visible = rays.visibility(&bvh, eye.points[i], eye.triangles[i], turn);
+            picture.penumbra += usize::from(visible > 0.0 && visible < 1.0);
+            let to_light = (scene.light.center() - eye.points[i]).normalize_or(DVec3::Y);
+            let facing = eye.normals[i].as_dvec3().dot(to_light).max(0.0);
+            picture.pixels[pixel as usize] = Some(0.15 + 0.85 * facing * visible);
+        }
+        picture
+    }
+
+    /// Penumbra as a part of the receivers; 0 if there are none.
+    #[must_use]
+    pub fn penumbra_share(&self) -> f64 {
+        self.penumbra as f64 / self.receivers.max(1) as f64
+    }
+
+    /// The picture in letters, `columns` wide: a letter stands for a part twice as high as wide.
+    #[must_use]
+    pub fn text(&self, columns: u32) -> String {
+        const LETTERS: &[u8] = b".:-=+*#%@";
+        let columns = columns.clamp(1, self.width);
+        let rows = (columns * self.height / self.width / 2).max(1);
+        let mut text = String::new();
+        for row in 0..rows {
+            let mut line = String::new();
+            for column in 0..columns {
+                let span =
+                    |k: u32, of: u32, size: u32| k * size / of..((k + 1) * size / of).max(k * size / of + 1);
+                let (mut sum, mut covered, mut all) = (0.0, 0, 0);
+                for y in span(row, rows, self.height) {
+                    for x in span(column, columns, self.width) {
+                        all += 1;
+                        if let Some(shade) = self.pixels[(y * self.width + x) as usize] {
+                            sum += shade;
+                            covered += 1;
+                        }
+                    }
+                }
+                line.push(if 2 * covered < all {
+                    ' '
+                } else {
+                    let level = sum / f64::from(covered.max(1));
+                    LETTERS[((level * LETTERS.len() as f64) as usize).min(LETTERS.len() - 1)] as char
+                });
+            }
+            text.push_str(line.trim_end());
+            text.push('\n');
+        }
+        text
+    }
+}

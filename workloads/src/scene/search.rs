@@ -1,0 +1,58 @@
+//! Where models are looked for.
+//!
+//! A model that a scene file names is looked up in the folders of the environment variable `LRBSIM_SCENES` (separated as
+//! in `PATH`), in their order, and then beside the scene file; for a shipped scene, which has no file, in the current
+//! folder. The first that is there is taken. An absolute path is taken as it is.
+
+use std::path::{Path, PathBuf};
+
+use super::error::SceneError;
+
+/// Environment variable with folders of models.
+pub const SEARCH_VARIABLE: &str = "LRBSIM_SCENES";
+
+/// Path of the model that a scene file in `beside` calls `model`.
+///
+/// # Errors
+/// [`SceneError::ModelMissing`] if it is in none of the folders.
+pub fn find_model(model: &str, beside: &Path) -> Result<PathBuf, SceneError> {
+    let variable = std::env::var_os(SEARCH_VARIABLE).unwrap_or_default();
+    let folders = std::env::split_paths(&variable).filter(|folder| !folder.as_os_str().is_empty());
+    find_in(model, folders.chain([beside.to_owned()]))
+}
+
+fn find_in(model: &str, folders: impl Iterator<Item = PathBuf>) -> Result<PathBuf, SceneError> {
+    let mut searched = Vec::new();
+    for folder in folders {
+        let path = folder.join(model);
+        if path.exists() {
+            return Ok(path);
+        }
+        let shown = folder.display().to_string();
+        searched.push(if shown.is_empty() { ".".to_owned() } else { shown });
+    }
+    Err(SceneError::ModelMissing { model: model.to_owned(), searched: searched.join(", ") })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_folder_that_has_the_model_is_taken() {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+        let found = find_in("lib.rs", [root.join("nowhere"), root.join("src")].into_iter());
+        assert_eq!(found.expect("it is there"), root.join("src/lib.rs"));
+        let both = find_in("mod.rs", [root.join("src/scene"), root.join("src/obj")].into_iter());
+        assert_eq!(both.expect("it is in both"), root.join("src/scene/mod.rs"));
+    }
+
+    #[test]
+    fn a_missing_model_is_named_with_the_folders_searched() {
+        let message = find_in("duck.obj", ["one", "two", ""].map(PathBuf::from).into_iter())
+            .expect_err("there is none")
+            .to_string();
+        assert!(message.contains("`duck.obj`") && message.contains("one, two, ."), "{message}");
+        assert!(message.contains("LRBSIM_SCENES"), "{message}");
+    }
+}
