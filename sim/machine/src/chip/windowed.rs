@@ -1,4 +1,4 @@
-//! The `windowed` level: cores run in turn, each for a quantum of a few windows.
+//! The `windowed` level: cores run in turn, each for a quantum of one window.
 
 use super::{NO_PROGRESS_CYCLES_MAX, Step, stuck};
 use crate::Cycle;
@@ -7,7 +7,7 @@ use crate::core::{Core, CoreTables, WINDOW, Window};
 
 /// Cycles that a core runs before the next one does. Far below the length of a task, so that cores early in the order do
 /// not take all tasks, and of the order of a transaction, so that a line's transactions are served nearly in order.
-const QUANTUM: Cycle = 2 * WINDOW;
+const QUANTUM: Cycle = WINDOW;
 
 pub(super) fn run(
     cores: &mut [Box<Core>],
