@@ -1,8 +1,8 @@
 //! Wavefront OBJ files, read by tobj after they have been cleaned.
 //!
-//! tobj takes some bad files for good and some good ones for bad; so [`clean`] checks every statement that matters,
+//! tobj takes some bad files for good and some good ones for bad; so `clean` checks every statement that matters,
 //! with line numbers, and hands on only `o`, `v x y z` and `f i j k …` in their plainest form. Polygons are
-//! triangulated here ([`triangulate`]), as a fan covers the outside of a concave one.
+//! triangulated here (`triangulate`), as a fan covers the outside of a concave one.
 
 mod clean;
 mod triangulate;

@@ -6,7 +6,7 @@
 //!                          └──read──► controller ──line──► requester
 //! ```
 //!
-//! [`transition`] says what happens; [`Hierarchy`] says what it costs.
+//! [`transition`] says what happens; `Hierarchy` says what it costs.
 
 mod access;
 mod directory;

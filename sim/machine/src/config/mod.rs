@@ -176,7 +176,7 @@ pub struct BarrierConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SchedulerConfig {
-    /// Most tasks taken with one locked add; fewer near the end of a step, see [`crate::scheduler`].
+    /// Most tasks taken with one locked add; fewer near the end of a step, see the scheduler.
     pub chunk_tasks_max: u32,
     /// Cycles from the result of the locked add to the first uop of the task.
     pub dispatch_cycles: u32,
