@@ -60,6 +60,13 @@ impl Machine {
         Machine::from_text(&file, &text, settings)
     }
 
+    /// This machine with `settings`, in order.
+    pub fn with(&self, settings: &[Setting]) -> Result<Machine, BadInput> {
+        let config = apply(&self.config, settings)?;
+        let spec = config.validate().map_err(|error| BadInput::new(error.to_string()))?;
+        Ok(Machine { config, spec })
+    }
+
     /// Reads the machine in the text of `file` and applies `settings` in order.
     pub fn from_text(file: &str, text: &str, settings: &[Setting]) -> Result<Machine, BadInput> {
         let mut config: MachineConfig = json::read(file, text)?;

@@ -27,6 +27,7 @@ pub mod inputs;
 mod json;
 pub mod progress;
 pub mod results;
+pub mod validate;
 
 pub use algorithm::Algorithm;
 pub use error::BadInput;

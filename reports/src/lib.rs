@@ -5,6 +5,7 @@
 //!           └► table              terminal text, as Table 2 of Johnson et al. 2009
 //! picture   ─► image.png, visibility.png, the hash that names a picture
 //! npy       ─► dumps
+//! Validation ─► rows of published and simulated figures
 //! files     ─► all of them appear whole, or not at all
 //! ```
 //!
@@ -21,6 +22,7 @@ pub mod run;
 #[cfg(test)]
 mod sample;
 pub mod table;
+pub mod validation;
 
 pub use host::HostReport;
 pub use run::RunReport;

@@ -5,6 +5,7 @@ mod progress;
 mod run;
 mod scene;
 mod schema;
+mod validate;
 
 use std::io::{self, Write};
 use std::process::ExitCode;
@@ -12,6 +13,8 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 use lrbsim::BadInput;
 
+/// Exit code of a check that failed.
+const CHECK_FAILED: u8 = 1;
 /// Exit code for bad input.
 const BAD_INPUT: u8 = 2;
 
@@ -33,6 +36,8 @@ enum Command {
     /// Look at scenes.
     #[command(subcommand)]
     Scene(scene::SceneCommand),
+    /// Run microbenchmarks and compare them with published measurements.
+    Validate(validate::ValidateArgs),
     /// Print the JSON Schema of a file format.
     Schema(schema::SchemaArgs),
 }
@@ -60,13 +65,15 @@ pub(crate) fn main() -> ExitCode {
     let cli = Cli::parse();
     let out = &mut io::stdout().lock();
     let done = match cli.command {
-        Command::Run(args) => run::run(&args, out),
-        Command::Machine(command) => machine::run(&command, out),
-        Command::Scene(command) => scene::run(&command, out),
-        Command::Schema(args) => schema::run(&args, out),
+        Command::Run(args) => run::run(&args, out).map(|()| true),
+        Command::Machine(command) => machine::run(&command, out).map(|()| true),
+        Command::Scene(command) => scene::run(&command, out).map(|()| true),
+        Command::Validate(args) => validate::run(&args, out),
+        Command::Schema(args) => schema::run(&args, out).map(|()| true),
     };
-    match done.and_then(|()| Ok(out.flush()?)) {
-        Ok(()) => ExitCode::SUCCESS,
+    match done.and_then(|passed| out.flush().map(|()| passed).map_err(Failure::from)) {
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::from(CHECK_FAILED),
         // Whoever read the output has seen enough, as `head` does.
         Err(Failure::Output(error)) if error.kind() == io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
         Err(Failure::Output(error)) => {
