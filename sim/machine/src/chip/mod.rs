@@ -177,7 +177,7 @@ impl Chip {
             report.l1d += std::mem::take(&mut caches.l1_counters);
             report.l2 += std::mem::take(&mut caches.l2_counters);
         }
-        report.ring = std::mem::take(&mut self.hierarchy.rings.counters);
+        report.ring = self.hierarchy.rings.take_counters();
         report.directory = std::mem::take(&mut self.hierarchy.counters);
         report.memory = std::mem::take(&mut self.hierarchy.memory.counters);
         report.atomics = std::mem::take(&mut self.hierarchy.atomics);

@@ -265,7 +265,7 @@ impl Thread {
                 // The common case: one line, and the L1 has it.
                 let line = self.stream.lines[self.line_pc];
                 let write = intent != crate::cache::Intent::Read;
-                if hierarchy.l1_hit(core, line, write) {
+                if hierarchy.l1_hit(core, line, write).is_ok() {
                     self.line_pc += 1;
                     self.ready[place] = When::new(now + row.latency(), Cause::L1);
                 } else {

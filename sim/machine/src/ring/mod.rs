@@ -33,42 +33,87 @@ pub(crate) enum Message {
     Line,
 }
 
+/// Where a core sits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Place {
+    ring: u32,
+    stop: u32,
+}
+
 /// Both directions of one ring, for both kinds of message.
 #[derive(Debug)]
 struct Loop {
     stops: u32,
+    hop_cycles: u32,
     /// `[kind][direction]`
     belts: [[Belt; 2]; 2],
+}
+
+/// The shortest way from a stop to another.
+#[derive(Debug, Clone, Copy)]
+struct Way {
+    hops: u32,
+    /// 0 up, 1 down.
+    direction: u8,
+    /// Whether the other direction is as short: then cycles take turns.
+    both: bool,
 }
 
 /// All rings.
 #[derive(Debug)]
 pub(crate) struct Rings {
     spec: RingSpec,
-    /// Ring and stop of each core.
-    places: Vec<(u32, u32)>,
+    /// By core.
+    places: Vec<Place>,
     rings: Vec<Loop>,
     bridge: Loop,
-    pub(crate) counters: RingCounters,
+    /// Slots that a short message and a line take.
+    slots: [u32; 2],
+    counters: RingCounters,
 }
 
 impl Loop {
     fn new(stops: u32, hop_cycles: Cycle) -> Loop {
+        let hop_cycles = u32::try_from(hop_cycles).expect("validated: far below 2^32 cycles");
         // Links are pipelined: between two stops there are as many slots as a hop has cycles.
-        let belt = || Belt::new(stops * hop_cycles as u32);
-        Loop { stops, belts: [[belt(), belt()], [belt(), belt()]] }
+        let belt = || Belt::new(stops * hop_cycles);
+        Loop { stops, hop_cycles, belts: [[belt(), belt()], [belt(), belt()]] }
     }
 
-    /// Shortest way from a stop to another: hops, and the direction (0 up, 1 down). Where both are as short, cycles take
-    /// turns.
-    fn way(&self, from: u32, to: u32, now: Cycle) -> (u32, usize) {
+    #[inline(always)]
+    fn way(&self, from: u32, to: u32) -> Way {
         let up = if to >= from { to - from } else { to + self.stops - from };
         let down = self.stops - up;
-        match up.cmp(&down) {
-            std::cmp::Ordering::Less => (up, 0),
-            std::cmp::Ordering::Greater => (down, 1),
-            std::cmp::Ordering::Equal => (up, (now & 1) as usize),
+        Way { hops: up.min(down), direction: u8::from(down < up), both: up == down }
+    }
+
+    /// Takes a message of `slots` slots from a stop to another; returns when it has arrived whole.
+    #[inline(always)]
+    fn carry(
+        &mut self,
+        from: u32,
+        to: u32,
+        message: Message,
+        slots: u32,
+        now: Cycle,
+        counters: &mut RingCounters,
+    ) -> Cycle {
+        let Way { hops, direction, both } = self.way(from, to);
+        if hops == 0 {
+            return now;
         }
+        let direction = usize::from(direction) | usize::from(both) & now as usize;
+        let ride_cycles = hops * self.hop_cycles;
+        let belt = &mut self.belts[message as usize][direction];
+        let place = from * self.hop_cycles;
+        let mut board = belt.board(place, ride_cycles, direction, now);
+        for _ in 1..slots {
+            board = belt.board(place, ride_cycles, direction, board + 1);
+        }
+        counters.slot_hops += u64::from(slots * hops);
+        // All slots could be had one after the other from the first cycle on: the rest is waiting.
+        counters.wait_cycles += board - now - u64::from(slots - 1);
+        board + u64::from(ride_cycles)
     }
 }
 
@@ -76,65 +121,46 @@ impl Rings {
     pub(crate) fn new(spec: &MachineSpec) -> Rings {
         let rings = spec.ring.rings;
         let size = |ring: u32| first_core(spec.cores, rings, ring + 1) - first_core(spec.cores, rings, ring);
+        let places = |ring| (0..size(ring)).map(move |stop| Place { ring, stop });
         Rings {
             spec: spec.ring.clone(),
-            places: (0..rings).flat_map(|ring| (0..size(ring)).map(move |stop| (ring, stop))).collect(),
+            places: (0..rings).flat_map(places).collect(),
             rings: (0..rings).map(|ring| Loop::new(size(ring), spec.ring.hop_cycles)).collect(),
             bridge: Loop::new(rings, spec.ring.crossing_cycles),
+            slots: [1, spec.ring.line_slots],
             counters: RingCounters::default(),
         }
     }
 
-    /// Ring and stop of a core.
-    fn place(&self, core: u32) -> (u32, u32) {
-        self.places[core as usize]
-    }
-
     /// Sends a message from the stop of one core to that of another; returns when it has arrived whole.
+    #[inline]
     pub(crate) fn send(&mut self, from: u32, to: u32, message: Message, now: Cycle) -> Cycle {
         if from == to || self.spec.free {
             return now;
         }
-        self.counters.messages += 1;
-        self.counters.bytes += match message {
-            Message::Short => SHORT_BYTES,
-            Message::Line => lrbsim_isa::arena::LINE_BYTES,
-        };
-        let (from_ring, from_stop) = self.place(from);
-        let (to_ring, to_stop) = self.place(to);
-        if from_ring == to_ring {
-            return self.leg(Some(from_ring), from_stop, to_stop, message, now);
+        let counters = &mut self.counters;
+        counters.messages += 1;
+        counters.bytes += [SHORT_BYTES, lrbsim_isa::arena::LINE_BYTES][message as usize];
+        let slots = self.slots[message as usize];
+        let (from, to) = (self.places[from as usize], self.places[to as usize]);
+        if from.ring == to.ring {
+            let ring = &mut self.rings[from.ring as usize];
+            return ring.carry(from.stop, to.stop, message, slots, now, counters);
         }
-        let out = self.leg(Some(from_ring), from_stop, 0, message, now);
-        let across = self.leg(None, from_ring, to_ring, message, out);
-        self.leg(Some(to_ring), 0, to_stop, message, across)
+        let out = self.rings[from.ring as usize].carry(from.stop, 0, message, slots, now, counters);
+        let across = self.bridge.carry(from.ring, to.ring, message, slots, out, counters);
+        self.rings[to.ring as usize].carry(0, to.stop, message, slots, across, counters)
     }
 
-    /// One way on one ring; `None` is the ring of rings.
-    fn leg(&mut self, ring: Option<u32>, from: u32, to: u32, message: Message, now: Cycle) -> Cycle {
-        let (on, hop_cycles) = match ring {
-            Some(ring) => (&mut self.rings[ring as usize], self.spec.hop_cycles),
-            None => (&mut self.bridge, self.spec.crossing_cycles),
-        };
-        let (hops, direction) = on.way(from, to, now);
-        if hops == 0 {
-            return now;
-        }
-        let slots = match message {
-            Message::Short => 1,
-            Message::Line => self.spec.line_slots,
-        };
-        let ride_cycles = u64::from(hops) * hop_cycles;
-        let belt = &mut on.belts[message as usize][direction];
-        let mut board = now;
-        for slot in 0..slots {
-            let next = if slot == 0 { board } else { board + 1 };
-            board = belt.board(from * hop_cycles as u32, ride_cycles as u32, direction, next);
-        }
-        self.counters.slot_hops += u64::from(slots * hops);
-        // All slots could be had one after the other from the first cycle on: the rest is waiting.
-        self.counters.wait_cycles += board - now - u64::from(slots - 1);
-        board + ride_cycles
+    /// Cycles that messages have waited for slots so far.
+    #[inline(always)]
+    pub(crate) fn wait_cycles(&self) -> Cycle {
+        self.counters.wait_cycles
+    }
+
+    /// Gives out what was counted since the last time.
+    pub(crate) fn take_counters(&mut self) -> RingCounters {
+        std::mem::take(&mut self.counters)
     }
 
     /// Cycles a message takes on idle rings.
@@ -146,19 +172,17 @@ impl Rings {
             Message::Short => 0,
             Message::Line => u64::from(self.spec.line_slots - 1),
         };
-        let cross = self.spec.crossing_cycles;
-        let (from_ring, from_stop) = self.place(from);
-        let (to_ring, to_stop) = self.place(to);
-        let leg = |on: &Loop, from, to, hop: Cycle| match on.way(from, to, 0).0 {
+        let leg = |on: &Loop, from, to| match on.way(from, to).hops {
             0 => 0,
-            hops => u64::from(hops) * hop + tail,
+            hops => u64::from(hops * on.hop_cycles) + tail,
         };
-        if from_ring == to_ring {
-            return leg(&self.rings[from_ring as usize], from_stop, to_stop, self.spec.hop_cycles);
+        let (from, to) = (self.places[from as usize], self.places[to as usize]);
+        if from.ring == to.ring {
+            return leg(&self.rings[from.ring as usize], from.stop, to.stop);
         }
-        leg(&self.rings[from_ring as usize], from_stop, 0, self.spec.hop_cycles)
-            + leg(&self.bridge, from_ring, to_ring, cross)
-            + leg(&self.rings[to_ring as usize], 0, to_stop, self.spec.hop_cycles)
+        leg(&self.rings[from.ring as usize], from.stop, 0)
+            + leg(&self.bridge, from.ring, to.ring)
+            + leg(&self.rings[to.ring as usize], 0, to.stop)
     }
 }
 

@@ -58,15 +58,15 @@ fn messages_on_disjoint_links_do_not_disturb_each_other() {
     for stop in 0..12 {
         assert_eq!(rings.send(stop, (stop + 1) % 12, Message::Line, 9), 10);
     }
-    assert_eq!(rings.counters.wait_cycles, 0);
+    assert_eq!(rings.wait_cycles(), 0);
 }
 
 #[test]
 fn every_core_has_its_own_stop() {
     for cores in [1, 5, 16, 17, 24, 33, 1000] {
         let rings = rings(cores, |_| ());
-        let mut places: Vec<_> = (0..cores).map(|core| rings.place(core)).collect();
-        for (ring, stop) in &places {
+        let mut places: Vec<_> = rings.places.clone();
+        for Place { ring, stop } in &places {
             assert!(*stop < rings.rings[*ring as usize].stops);
         }
         places.dedup();
