@@ -19,6 +19,12 @@ pub enum Order {
         /// Bytes from one to the next, a multiple of 4.
         stride_bytes: u32,
     },
+    /// One word of every line of so many, a power of two, each time on the next page and one line further: near lines are
+    /// never visited one after the other.
+    Diagonal {
+        /// How many.
+        lines: u32,
+    },
     /// One word of every line of `bytes` bytes, in an order without pattern.
     Random {
         /// Bytes, a multiple of 64.
@@ -55,7 +61,7 @@ pub struct Remote {
     pub copy: Copy,
     /// Which core.
     pub owner: u32,
-    /// Lines, a multiple of 64.
+    /// Lines, a power of two from 128 on.
     pub lines: u32,
 }
 
@@ -64,6 +70,7 @@ impl Order {
     fn words(self) -> Vec<u32> {
         match self {
             Order::Stride { count, stride_bytes } => (0..count).map(|i| i * (stride_bytes / 4)).collect(),
+            Order::Diagonal { lines } => (0..lines).map(|i| i * 65 % lines * 16).collect(),
             Order::Random { bytes } => {
                 let mut words: Vec<u32> = (0..bytes / 64).map(|line| line * 16).collect();
                 // Fisher and Yates, with a fixed seed.
@@ -119,7 +126,7 @@ impl Chase {
 
 impl Remote {
     pub(crate) fn prepare(&self, mut arena: Arena, cores: u32) -> Prepared {
-        let (base, first) = Order::Random { bytes: self.lines * 64 }.link(&mut arena);
+        let (base, first) = Order::Diagonal { lines: self.lines }.link(&mut arena);
         let mut plan_of = |core| Threads::OnCore { core, threads: 1 }.plan(&mut arena, cores, |_| 0);
         let (reader, owner) = (plan_of(0), plan_of(self.owner));
         let touch = |plan: &Plan, write| {

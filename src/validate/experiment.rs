@@ -2,7 +2,7 @@
 
 use lrbsim_isa::host::HostSimd;
 use lrbsim_isa::program::StepSource;
-use lrbsim_machine::{Chip, Fidelity, StepReport};
+use lrbsim_machine::{Chip, CoreActivity, Fidelity, StepReport};
 use lrbsim_micro::Bench;
 
 use crate::error::BadInput;
@@ -20,7 +20,8 @@ pub struct Experiment {
 /// What came out of an experiment.
 #[derive(Debug, Clone)]
 pub struct Outcome {
-    /// Cycles of the measured pass.
+    /// Cycles of the measured pass: the mean of the cores that work in it. The programs run for seconds, so that every
+    /// thread meets all banks of the memory; in a short pass the last thread is only the one that had bad luck.
     pub cycles: f64,
     /// Units of work in it.
     pub units: f64,
@@ -74,8 +75,13 @@ impl Experiment {
             let mut source = StepSource { step, arena: &prepared.arena, simd: HostSimd::detect() };
             counters = chip.run_step(&mut source);
         }
+        // Cores without a thread come and go at once; they issue two or three uops.
+        let most = chip.activity().iter().map(|core| core.issued).max().unwrap_or(0);
+        let works = |core: &&CoreActivity| core.issued * 2 > most;
+        let arrivals: Vec<f64> =
+            chip.activity().iter().filter(works).map(|core| core.arrival_cycles as f64).collect();
         Ok(Outcome {
-            cycles: counters.cycles as f64,
+            cycles: arrivals.iter().sum::<f64>() / arrivals.len() as f64,
             units: prepared.units as f64,
             clock_ghz: machine.config.clock_ghz,
             counters,

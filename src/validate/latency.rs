@@ -18,7 +18,7 @@ const COPIES: [CopyState; 3] = [CopyState::Modified, CopyState::Exclusive, CopyS
 fn laps(array_bytes: u64, stride_bytes: u32) -> Chase {
     let count = (array_bytes / u64::from(stride_bytes)).max(1) as u32;
     let lap = count.next_multiple_of(64);
-    Chase { order: Order::Stride { count, stride_bytes }, warm_loads: lap, loads: lap.max(1024) }
+    Chase { order: Order::Stride { count, stride_bytes }, warm_loads: lap, loads: lap.max(8192) }
 }
 
 /// Loads of lines that nobody has loaded before.

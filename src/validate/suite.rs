@@ -111,7 +111,19 @@ fn conditions<'a>(target: &Target, targets: &Targets, machine: &'a Machine) -> C
     {
         settings.extend(part.core_ghz.map(|ghz| format!("clock_ghz={ghz}")));
         settings.extend(part.cores.map(|cores| format!("cores={cores}")));
-        settings.extend(part.memory_gb_per_s.map(|rate| format!("memory.bandwidth_gb_per_s={rate}")));
+        let own_rate = machine.config.memory.bandwidth_gb_per_s;
+        if let Some(rate) = part.memory_gb_per_s.filter(|rate| *rate != own_rate) {
+            settings.push(format!("memory.bandwidth_gb_per_s={rate}"));
+            // Chips of a faster grade: the same numbers of their clocks.
+            let memory = &machine.config.memory;
+            for (field, ns) in [
+                ("row_cycle_ns", memory.row_cycle_ns),
+                ("write_recovery_ns", memory.write_recovery_ns),
+                ("turnaround_ns", memory.turnaround_ns),
+            ] {
+                settings.push(format!("memory.{field}={}", (ns * own_rate / rate * 10.0).round() / 10.0));
+            }
+        }
         cores = part.cores.unwrap_or(cores);
     }
     Conditions { machine, settings, cores }

@@ -17,8 +17,11 @@ const COMPILER: Prefetch = Prefetch::Both { l2_ahead: 48, l1_ahead: 4 };
 /// Bytes of the arrays in the measurements of memory bandwidth.
 const ARRAY_BYTES: u64 = 1 << 30;
 
-/// Lines that a core reads or writes while a bandwidth is measured: some hundred times what is in flight.
-const LINES_PER_CORE: u32 = 4096;
+/// Lines that a core reads or writes while a bandwidth is measured: some hundred times what is in flight; and more when few
+/// cores work, so that they too meet many banks.
+const LINES_PER_CORE_MIN: u32 = 4096;
+const LINES_PER_CORE_MAX: u32 = 65_536;
+const LINES: u32 = 262_144;
 
 /// With one address and one acknowledge ring a direction.
 const ONE_PAIR: [&str; 2] = ["ring.address_rings=1", "ring.acknowledge_rings=1"];
@@ -156,7 +159,7 @@ fn from_memory(at: &Conditions<'_>, reads: u32, store: Store, prefetch: Prefetch
         arrays: Arrays::Split { bytes: ARRAY_BYTES },
         threads,
         warm_lines: lines(warm),
-        lines: lines(LINES_PER_CORE),
+        lines: lines((LINES / threads.cores_used(at.cores)).clamp(LINES_PER_CORE_MIN, LINES_PER_CORE_MAX)),
         again: false,
     })
 }

@@ -168,9 +168,9 @@ fn a_miss_takes_the_sum_of_its_parts_and_not_a_cycle_off() {
                     (chip.hierarchy.controller_stop(line), spec.memory.row_miss_cycles)
                 };
                 let expected = spec.l2.hit_cycles
-                    + ride(&chip, 0, home, Message::Short)
+                    + ride(&chip, 0, home, Message::Address)
                     + spec.directory_lookup
-                    + ride(&chip, home, supplier, Message::Short)
+                    + ride(&chip, home, supplier, Message::Address)
                     + served
                     + ride(&chip, supplier, 0, Message::Line);
                 let report = chip.run_step(&mut same(1, probe(line)));

@@ -56,7 +56,7 @@ impl Hierarchy {
         };
 
         // To the home, and wait there for the slice and for earlier transactions on the line.
-        let arrived = self.rings.send(me, home, Message::Short, now);
+        let arrived = self.rings.send(me, home, Message::Address, now);
         let served = self.slices[home as usize].take(arrived);
         let record = *self.directory.record(line).0;
         let others = match record.sharers.owner() {
@@ -73,11 +73,8 @@ impl Hierarchy {
         };
         let (next, actions) = transition(state, event).expect("the directory knows every copy");
         let changes_owner = others == Others::Own || next.is_owner();
-        let start = served.max(if changes_owner {
-            record.busy.write_after()
-        } else {
-            record.busy.read_after()
-        });
+        let start =
+            served.max(if changes_owner { record.busy.write_after() } else { record.busy.read_after() });
         self.counters.wait_cycles += start - arrived;
         let leaves = start + self.spec.directory_lookup;
 
@@ -101,14 +98,14 @@ impl Hierarchy {
             }
             for peer in &peers {
                 let supplies = actions.data == Source::Peer && Some(*peer) == supplier;
-                let asked = self.rings.send(home, *peer, Message::Short, leaves);
+                let asked = self.rings.send(home, *peer, Message::Address, leaves);
                 if actions.invalidate_others {
                     self.counters.invalidations += 1;
                     self.lose(*peer as usize, line);
                 } else {
                     self.supply(*peer, line, asked);
                 }
-                let message = if supplies { Message::Line } else { Message::Short };
+                let message = if supplies { Message::Line } else { Message::Acknowledge };
                 // A supplier reads its L2; an acknowledgement leaves at once.
                 let answers = if supplies { asked + self.spec.l2.hit_cycles } else { asked };
                 done = done.max(self.rings.send(*peer, me, message, answers));
@@ -121,16 +118,21 @@ impl Hierarchy {
         match actions.data {
             Source::Memory => {
                 let controller = self.controller_stop(line);
-                let asked = self.rings.send(home, controller, Message::Short, leaves);
+                let asked = self.rings.send(home, controller, Message::Address, leaves);
                 let read = self.memory.read(line, asked);
                 done = done.max(self.rings.send(controller, me, Message::Line, read));
+                // The home is told that the line has left and that it has arrived; nobody waits for that.
+                if self.spec.ring.acknowledge_rings > 0 {
+                    self.rings.send(controller, home, Message::Acknowledge, read);
+                    self.rings.send(me, home, Message::Acknowledge, done);
+                }
             }
-            Source::Nowhere => done = done.max(self.rings.send(home, me, Message::Short, leaves)),
+            Source::Nowhere => done = done.max(self.rings.send(home, me, Message::Acknowledge, leaves)),
             Source::Peer => {}
         }
 
         self.note(core, line, next, others, changes_owner, done);
-        self.fill_l2(core, line, place, l2_slot.is_some(), next, done);
+        let written_back = self.fill_l2(core, line, place, l2_slot.is_some(), next, done);
 
         let ring_waits = self.rings.wait_cycles() - ring_waits_before;
         let cause = if ring_waits * 2 > done - now {
@@ -140,7 +142,7 @@ impl Hierarchy {
         } else {
             Cause::Remote
         };
-        L2Access { ready: done, cause, owned: next.is_owner() }
+        L2Access { ready: done, cause, owned: next.is_owner(), missed: true, written_back }
     }
 
     /// Writes down who has the line now, and until when it is busy.
@@ -202,17 +204,26 @@ impl Hierarchy {
         }
     }
 
-    /// Puts a line in a core's L2 at `place`, where it is already if it is `held`; otherwise makes room for it.
-    fn fill_l2(&mut self, core: usize, line: u32, place: Slot, held: bool, state: State, now: Cycle) {
+    /// Puts a line in a core's L2 at `place`, where it is already if it is `held`; otherwise makes room for it. Returns when
+    /// the line that made room has been written back, if somebody waits for that.
+    fn fill_l2(
+        &mut self,
+        core: usize,
+        line: u32,
+        place: Slot,
+        held: bool,
+        state: State,
+        now: Cycle,
+    ) -> Cycle {
         let caches = &mut self.caches[core];
         let bits = state as u8 | Tags::PENDING;
         if held {
             caches.l2_counters.upgrades += 1;
             caches.l2.set_bits(place, bits);
             caches.l2.touch(place);
-            return;
+            return 0;
         }
-        let Some((victim, victim_bits)) = caches.l2.insert(place, line, bits) else { return };
+        let Some((victim, victim_bits)) = caches.l2.insert(place, line, bits) else { return 0 };
         caches.l2_counters.evictions += 1;
         let mut state = State::from_bits(victim_bits);
         // The L2 is inclusive: the L1 loses what the L2 loses.
@@ -228,22 +239,24 @@ impl Hierarchy {
         if actions.write_back {
             caches.l2_counters.writebacks += 1;
         }
-        // Nobody waits for either message; they only take slots.
+        // Nobody waits for the notice; it only takes slots.
         if actions.notify_home {
             let home = self.home_of(victim);
-            self.rings.send(core as u32, home, Message::Short, now);
+            self.rings.send(core as u32, home, Message::Address, now);
             let (record, pool) = self.directory.record(victim);
             record.sharers.remove(core as u32, pool);
         }
-        if actions.write_back {
-            self.write_back(core as u32, victim, now);
-        }
+        if actions.write_back { self.write_back(core as u32, victim, now) } else { 0 }
     }
 
-    /// Sends a line to memory.
-    fn write_back(&mut self, core: u32, line: u32, now: Cycle) {
+    /// Sends a line to memory; returns when the core knows that it is there, 0 when it is not told.
+    fn write_back(&mut self, core: u32, line: u32, now: Cycle) -> Cycle {
         let controller = self.controller_stop(line);
         let arrived = self.rings.send(core, controller, Message::Line, now);
-        self.memory.write(line, arrived);
+        let written = self.memory.write(line, arrived);
+        if !self.spec.memory.acknowledges_writes {
+            return 0;
+        }
+        self.rings.send(controller, core, Message::Acknowledge, written)
     }
 }
