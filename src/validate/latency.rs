@@ -42,8 +42,8 @@ fn tlb_misses() -> Chase {
 }
 
 /// Loads from memory, prefetcher off.
-fn memory(at: &Conditions<'_>) -> Experiment {
-    at.under(&[PREFETCHER_OFF], Bench::Chase(fresh(64, 16_384)))
+pub(super) fn memory(at: &Conditions<'_>, loads: u32) -> Experiment {
+    at.under(&[PREFETCHER_OFF], Bench::Chase(fresh(64, loads.next_multiple_of(64))))
 }
 
 /// An L2 hit.
@@ -96,7 +96,7 @@ pub(super) fn plan(id: &[&str], unit: &str, at: &Conditions<'_>) -> Result<Plan,
             let bench = throughput::memory_stream(at, "read_nopf", threads)?;
             Ok(Plan::of(vec![bench], move |o| f64::from(threads) * 64.0 / o[0].units_per_ns()))
         }
-        ["lat", "mem", _] => Ok(latency(memory(at))),
+        ["lat", "mem", _] => Ok(latency(memory(at, 16_384))),
         ["lat", "ptr", "l2_tlb"] => {
             let order = Order::Random { bytes: 384 << 10 };
             Ok(chase(Chase { order, warm_loads: 6144, loads: 12_288 }))
@@ -141,7 +141,7 @@ pub(super) fn plan(id: &[&str], unit: &str, at: &Conditions<'_>) -> Result<Plan,
         }
         ["lat", "mem_minus_remote"] => {
             let mut experiments = remote_table(at)?;
-            experiments.insert(0, memory(at));
+            experiments.insert(0, memory(at, 16_384));
             Ok(Plan::of(experiments, |o| o[0].cycles_per_unit() - mean(&o[1..])))
         }
         _ => Err(UNKNOWN),

@@ -116,11 +116,9 @@ fn conditions<'a>(target: &Target, targets: &Targets, machine: &'a Machine) -> C
             settings.push(format!("memory.bandwidth_gb_per_s={rate}"));
             // Chips of a faster grade: the same numbers of their clocks.
             let memory = &machine.config.memory;
-            for (field, ns) in [
-                ("row_cycle_ns", memory.row_cycle_ns),
-                ("write_recovery_ns", memory.write_recovery_ns),
-                ("turnaround_ns", memory.turnaround_ns),
-            ] {
+            for (field, ns) in
+                [("row_cycle_ns", memory.row_cycle_ns), ("write_recovery_ns", memory.write_recovery_ns)]
+            {
                 settings.push(format!("memory.{field}={}", (ns * own_rate / rate * 10.0).round() / 10.0));
             }
         }

@@ -297,10 +297,11 @@ fn ring(id: &[&str], at: &Conditions<'_>) -> Result<Plan, NotExpressed> {
             }))
         }
         ["ring", "msgs_per_miss"] => {
-            let stream = from_memory(at, 1, Store::No, Prefetch::No, on_core(1));
-            let experiment = at.under(&[PREFETCHER_OFF], stream);
-            // Without the notices of lines thrown out, of which there are none in a cache that is not full.
-            Ok(Plan::one(experiment, |o| o.counters.ring.messages as f64 / o.counters.memory.reads as f64))
+            // Few enough lines that none is thrown out, of which the home would be told.
+            let experiment = latency::memory(at, at.l2_lines() / 2);
+            Ok(Plan::one(experiment, |o| {
+                (o.counters.ring.messages + o.counters.ring.local) as f64 / o.counters.memory.reads as f64
+            }))
         }
         _ => Err(UNKNOWN),
     }

@@ -45,6 +45,11 @@ impl Mshrs {
         Err(earliest)
     }
 
+    /// Whether more than `spared` are free at `now`.
+    pub(crate) fn has_more_than(&self, spared: usize, now: Cycle) -> bool {
+        self.table.iter().filter(|mshr| mshr.free <= now).nth(spared).is_some()
+    }
+
     /// Takes the one at `place`, where [`Mshrs::free`] found one free, until `line` arrives.
     #[inline]
     pub(crate) fn hold(&mut self, place: usize, line: u32, fill: Cycle, cause: Cause) {

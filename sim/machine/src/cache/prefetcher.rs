@@ -85,7 +85,7 @@ mod tests {
     use super::*;
 
     fn prefetcher() -> Prefetcher {
-        Prefetcher::new(Some(&PrefetcherSpec { streams: 2, lines_ahead: 4, train_lines: 2, page_lines: 64 }))
+        Prefetcher::new(Some(&PrefetcherSpec { streams: 2, lines_ahead: 4, train_lines: 2, mshrs_spared: 0, page_lines: 64 }))
     }
 
     /// Everything that an access makes it fetch.

@@ -163,7 +163,7 @@ fn a_miss_takes_the_sum_of_its_parts_and_not_a_cycle_off() {
                 let (supplier, served) = if from_peer {
                     chip.hierarchy.caches[17].power_up(&spec);
                     chip.hierarchy.access(17, line, Intent::Write, 0).expect("free MSHRs");
-                    (17, spec.l2.hit_cycles)
+                    (17, spec.l1d.hit_cycles + spec.l2.hit_cycles)
                 } else {
                     (chip.hierarchy.controller_stop(line), spec.memory.row_miss_cycles)
                 };

@@ -211,19 +211,21 @@ impl Hierarchy {
                 }
             }
         }
-        if self.spec.prefetcher.is_some() {
-            self.run_ahead(core, line, missed, now);
+        if let Some(prefetcher) = &self.spec.prefetcher {
+            self.run_ahead(core, line, missed, prefetcher.mshrs_spared, now);
         }
         Ok(Access { ready, cause, missed: true })
     }
 
     /// Has the streamer see an access to the L2, and fetches what it wants as far as MSHRs go.
-    fn run_ahead(&mut self, core: usize, line: u32, missed: bool, now: Cycle) {
+    fn run_ahead(&mut self, core: usize, line: u32, missed: bool, mshrs_spared: usize, now: Cycle) {
         let Some(stream) = self.caches[core].prefetcher.observe(line, missed) else { return };
         while let Some(wanted) = self.caches[core].prefetcher.wanted(stream) {
-            // Dropped, to be asked for again, when there is no MSHR: the streamer never makes a demand wait.
-            if self.caches[core].l2.find(wanted).is_none()
-                && self.l2_access(core, wanted, Intent::Read, now).is_err()
+            // Not now, when demands might have to wait for an MSHR; the next access to the stream asks again.
+            let caches = &self.caches[core];
+            if caches.l2.find(wanted).is_none()
+                && (!caches.l2_mshrs.has_more_than(mshrs_spared, now)
+                    || self.l2_access(core, wanted, Intent::Read, now).is_err())
             {
                 return;
             }

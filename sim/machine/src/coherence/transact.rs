@@ -106,8 +106,9 @@ impl Hierarchy {
                     self.supply(*peer, line, asked);
                 }
                 let message = if supplies { Message::Line } else { Message::Acknowledge };
-                // A supplier reads its L2; an acknowledgement leaves at once.
-                let answers = if supplies { asked + self.spec.l2.hit_cycles } else { asked };
+                // A supplier reads its L2, and looks into its L1 before if that may be newer; an acknowledgement leaves at once.
+                let newer = if others == Others::Own { self.spec.l1d.hit_cycles } else { 0 };
+                let answers = if supplies { asked + newer + self.spec.l2.hit_cycles } else { asked };
                 done = done.max(self.rings.send(*peer, me, message, answers));
             }
             peers.clear();

@@ -129,6 +129,8 @@ pub struct PrefetcherConfig {
     pub lines_ahead: u32,
     /// Greatest distance in lines between two accesses to a page that makes them a stream.
     pub train_lines: u32,
+    /// MSHRs of the L2 that it leaves free for others.
+    pub mshrs_spared: u32,
     /// Bytes of the pages that streams end at, a power of two.
     pub page_bytes: u32,
 }
@@ -210,8 +212,8 @@ pub struct MemoryConfig {
     pub row_bytes: u32,
     /// Time that a write keeps its bank longer than a read, ns; may be 0.
     pub write_recovery_ns: f64,
-    /// Time that an access keeps its bank longer when the one before it there was of the other kind, ns; may be 0.
-    pub turnaround_ns: f64,
+    /// Line times that a channel loses between a read and a write, either way round.
+    pub turnaround_lines: u32,
     /// Whether a write-back keeps the MSHR of the miss that caused it until the controller has acknowledged it. If not,
     /// nothing ever waits for a write.
     pub acknowledges_writes: bool,

@@ -101,6 +101,8 @@ pub struct PrefetcherSpec {
     pub lines_ahead: u32,
     /// Greatest distance of two accesses of a stream.
     pub train_lines: u32,
+    /// MSHRs of the L2 that it leaves free.
+    pub mshrs_spared: usize,
     /// Lines of a page.
     pub page_lines: u32,
 }
@@ -161,8 +163,8 @@ pub struct MemorySpec {
     pub row_cycle_cycles: Cycle,
     /// The same for a write.
     pub write_row_cycle_cycles: Cycle,
-    /// What an access adds to that when the one before it was of the other kind.
-    pub turnaround_cycles: Cycle,
+    /// Line times that a channel loses when it changes direction.
+    pub turnaround_lines: u32,
     /// Whether write-backs keep MSHRs.
     pub acknowledges_writes: bool,
     /// Banks a controller.

@@ -98,6 +98,7 @@ fn prefetcher(config: &PrefetcherConfig) -> Result<Option<PrefetcherSpec>, Confi
         streams: range("prefetcher.streams", config.streams, 0, 256)?,
         lines_ahead: range("prefetcher.lines_ahead", config.lines_ahead, 1, 256)?,
         train_lines: range("prefetcher.train_lines", config.train_lines, 1, 64)?,
+        mshrs_spared: range("prefetcher.mshrs_spared", config.mshrs_spared, 0, 1024)? as usize,
         page_lines: page_bytes / LINE_BYTES as u32,
     };
     Ok((spec.streams > 0).then_some(spec))
@@ -238,15 +239,10 @@ pub(super) fn validate(config: &MachineConfig) -> Result<MachineSpec, ConfigErro
         );
     }
     let row_cycle = cycles_of_ns("memory.row_cycle_ns", config.memory.row_cycle_ns, clock_ghz)?;
-    for (path, ns) in [
-        ("memory.write_recovery_ns", config.memory.write_recovery_ns),
-        ("memory.turnaround_ns", config.memory.turnaround_ns),
-    ] {
-        if !(0.0..=10_000.0).contains(&ns) {
-            return error(path, ns, "from 0 to 10000");
-        }
-    }
     let recovery_ns = config.memory.write_recovery_ns;
+    if !(0.0..=10_000.0).contains(&recovery_ns) {
+        return error("memory.write_recovery_ns", recovery_ns, "from 0 to 10000");
+    }
     let read_overhead = overhead("memory.ecc.read_overhead", config.memory.ecc.read_overhead)?;
     let write_overhead = overhead("memory.ecc.write_overhead", config.memory.ecc.write_overhead)?;
     let [read_part, write_part] =
@@ -258,7 +254,7 @@ pub(super) fn validate(config: &MachineConfig) -> Result<MachineSpec, ConfigErro
         row_hit_cycles,
         row_cycle_cycles: (row_cycle as f64 * read_part).round() as u64,
         write_row_cycle_cycles: ((row_cycle as f64 + recovery_ns * clock_ghz) * write_part).round() as u64,
-        turnaround_cycles: (config.memory.turnaround_ns * clock_ghz).round() as u64,
+        turnaround_lines: range("memory.turnaround_lines", config.memory.turnaround_lines, 0, 64)?,
         acknowledges_writes: config.memory.acknowledges_writes,
         banks: range("memory.banks", config.memory.banks, 1, 1024)?,
         row_lines: (row_bytes / LINE_BYTES) as u32,

@@ -24,8 +24,6 @@ const FRAME_LINES: u64 = (2 << 20) / LINE_BYTES;
 #[derive(Debug)]
 struct Bank {
     open_row: u32,
-    /// Whether the last access wrote.
-    wrote: bool,
     /// When that row was opened, or will have been.
     open_since: Cycle,
     openings: Spans,
@@ -34,6 +32,8 @@ struct Bank {
 #[derive(Debug)]
 struct Controller {
     channel: Slots,
+    /// Whether the last access wrote.
+    wrote: bool,
     banks: Vec<Bank>,
 }
 
@@ -44,8 +44,8 @@ pub(crate) struct Memory {
     row_hit_cycles: Cycle,
     /// For how long a read and a write that open a row keep their bank.
     row_cycle_cycles: [Cycle; 2],
-    /// What it keeps it longer when the access before was of the other kind.
-    turnaround_cycles: Cycle,
+    /// Line times that a channel loses when it changes direction.
+    turnaround_lines: u32,
     /// Orders of the banks: steps from one row's bank to the next row's, prime to their number.
     strides: Vec<u64>,
     /// Rows of a controller in a stretch of memory that lies in the chips as one.
@@ -59,17 +59,18 @@ pub(crate) struct Memory {
 
 impl Memory {
     pub(crate) fn new(spec: &MemorySpec) -> Memory {
-        let longest = spec.row_cycle_cycles.max(spec.write_row_cycle_cycles) + spec.turnaround_cycles;
-        let bank = || Bank { open_row: u32::MAX, wrote: false, open_since: 0, openings: Spans::new(longest) };
+        let longest = spec.row_cycle_cycles.max(spec.write_row_cycle_cycles);
+        let bank = || Bank { open_row: u32::MAX, open_since: 0, openings: Spans::new(longest) };
         let controller = || Controller {
             channel: Slots::new(spec.line_interval_x256),
+            wrote: false,
             banks: (0..spec.banks).map(|_| bank()).collect(),
         };
         Memory {
             row_miss_cycles: spec.row_miss_cycles,
             row_hit_cycles: spec.row_hit_cycles,
             row_cycle_cycles: [spec.row_cycle_cycles, spec.write_row_cycle_cycles],
-            turnaround_cycles: spec.turnaround_cycles,
+            turnaround_lines: spec.turnaround_lines,
             strides: (1..=u64::from(spec.banks)).filter(|s| gcd(*s, spec.banks.into()) == 1).collect(),
             frame_rows: Divisor::new(
                 (FRAME_LINES / u64::from(spec.controllers) / u64::from(spec.row_lines)).max(1),
@@ -116,12 +117,17 @@ impl Memory {
         } else {
             self.counters.row_misses += 1;
             bank.open_row = row;
-            let turn = if bank.wrote == write { 0 } else { self.turnaround_cycles };
-            bank.wrote = write;
-            bank.open_since = bank.openings.take(now, self.row_cycle_cycles[usize::from(write)] + turn);
+            bank.open_since = bank.openings.take(now, self.row_cycle_cycles[usize::from(write)]);
             (bank.open_since, self.row_miss_cycles)
         };
-        // The channel: the burst is part of the idle latency, so only the wait adds to it.
+        // The channel, which pauses where it changes direction.
+        if controller.wrote != write {
+            controller.wrote = write;
+            for _ in 0..self.turnaround_lines {
+                controller.channel.take(opened);
+            }
+        }
+        // The burst is part of the idle latency, so only the wait adds to it.
         let burst = controller.channel.take(opened);
         self.counters.wait_cycles += burst - now;
         burst + latency

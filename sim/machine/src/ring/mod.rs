@@ -157,6 +157,7 @@ impl Rings {
     #[inline]
     pub(crate) fn send(&mut self, from: u32, to: u32, message: Message, now: Cycle) -> Cycle {
         if from == to || self.spec.free {
+            self.counters.local += 1;
             return now;
         }
         let counters = &mut self.counters;
