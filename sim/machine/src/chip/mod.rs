@@ -177,6 +177,9 @@ impl Chip {
             report.l1d += std::mem::take(&mut caches.l1_counters);
             report.l2 += std::mem::take(&mut caches.l2_counters);
         }
+        for counters in [&mut report.l1d, &mut report.l2] {
+            counters.accesses = counters.hits + counters.misses + counters.merged;
+        }
         report.ring = self.hierarchy.rings.take_counters();
         report.directory = std::mem::take(&mut self.hierarchy.counters);
         report.memory = std::mem::take(&mut self.hierarchy.memory.counters);

@@ -57,7 +57,8 @@ impl Hierarchy {
             memory: Memory::new(&spec.memory),
             controller_stops: (0..spec.memory.controllers)
                 .map(|controller| {
-                    (u64::from(controller) * u64::from(spec.cores) / u64::from(spec.memory.controllers)) as u32
+                    (u64::from(controller) * u64::from(spec.cores) / u64::from(spec.memory.controllers))
+                        as u32
                 })
                 .collect(),
             peers: Vec::new(),
@@ -83,7 +84,6 @@ impl Hierarchy {
             return Err(Some(slot));
         }
         caches.l1.touch(slot);
-        caches.l1_counters.accesses += 1;
         caches.l1_counters.hits += 1;
         Ok(())
     }
@@ -123,7 +123,6 @@ impl Hierarchy {
         let write = intent != Intent::Read;
         let caches = &mut self.caches[core];
         if self.spec.ideal.memory {
-            caches.l1_counters.accesses += 1;
             caches.l1_counters.hits += 1;
             return Ok(self.hit(now));
         }
@@ -138,15 +137,17 @@ impl Hierarchy {
             {
                 caches.l1.set_bits(slot, bits | if write { Tags::DIRTY } else { 0 });
                 caches.l1.touch(slot);
-                caches.l1_counters.accesses += 1;
                 caches.l1_counters.merged += 1;
                 let ready = mshr.fill.max(now + self.spec.l1d.hit_cycles);
                 return Ok(Access { ready, cause: mshr.cause, missed: true });
             }
-            caches.l1.set_bits(slot, bits & !Tags::PENDING);
+            let arrived = bits & !Tags::PENDING;
+            caches.l1.set_bits(slot, arrived);
             if may {
                 // It has arrived since.
-                assert!(self.l1_hit(core, line, write).is_ok(), "core {core} holds line {line:#x}");
+                caches.l1.set_bits(slot, arrived | if write { Tags::DIRTY } else { 0 });
+                caches.l1.touch(slot);
+                caches.l1_counters.hits += 1;
                 return Ok(self.hit(now));
             }
         }
@@ -155,7 +156,6 @@ impl Hierarchy {
         let mshr = caches.l1_mshrs.free(now)?;
         let L2Access { ready, cause, owned } = self.l2_access(core, line, intent, now)?;
         let caches = &mut self.caches[core];
-        caches.l1_counters.accesses += 1;
         caches.l1_counters.misses += 1;
         caches.l1_mshrs.hold(mshr, line, ready, cause);
 
@@ -201,7 +201,6 @@ impl Hierarchy {
             let owned = State::from_bits(bits).is_owner();
             if intent == Intent::Read || owned {
                 caches.l2.touch(slot);
-                caches.l2_counters.accesses += 1;
                 if intent != Intent::Read {
                     caches.l2.set_bits(slot, bits | State::M as u8);
                 }
@@ -219,7 +218,6 @@ impl Hierarchy {
             }
         }
         let mshr = caches.l2_mshrs.free(now)?;
-        caches.l2_counters.accesses += 1;
         caches.l2_counters.misses += 1;
         // The L2 has to find out that it misses first.
         let access = self.transact(core, line, l2_slot, intent, now + hit_cycles);

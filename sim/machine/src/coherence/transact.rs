@@ -73,11 +73,8 @@ impl Hierarchy {
         };
         let (next, actions) = transition(state, event).expect("the directory knows every copy");
         let changes_owner = others == Others::Own || next.is_owner();
-        let start = served.max(if changes_owner {
-            record.busy.write_after()
-        } else {
-            record.busy.read_after()
-        });
+        let start =
+            served.max(if changes_owner { record.busy.write_after() } else { record.busy.read_after() });
         self.counters.wait_cycles += start - arrived;
         let leaves = start + self.spec.directory_lookup;
 

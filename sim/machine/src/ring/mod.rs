@@ -45,8 +45,8 @@ struct Place {
 struct Loop {
     stops: u32,
     hop_cycles: u32,
-    /// `[kind][direction]`
-    belts: [[Belt; 2]; 2],
+    /// By message and direction.
+    belts: [Belt; 4],
 }
 
 /// The shortest way from a stop to another.
@@ -77,7 +77,7 @@ impl Loop {
         let hop_cycles = u32::try_from(hop_cycles).expect("validated: far below 2^32 cycles");
         // Links are pipelined: between two stops there are as many slots as a hop has cycles.
         let belt = || Belt::new(stops * hop_cycles);
-        Loop { stops, hop_cycles, belts: [[belt(), belt()], [belt(), belt()]] }
+        Loop { stops, hop_cycles, belts: [belt(), belt(), belt(), belt()] }
     }
 
     #[inline(always)]
@@ -104,7 +104,7 @@ impl Loop {
         }
         let direction = usize::from(direction) | usize::from(both) & now as usize;
         let ride_cycles = hops * self.hop_cycles;
-        let belt = &mut self.belts[message as usize][direction];
+        let belt = &mut self.belts[message as usize * 2 + direction];
         let place = from * self.hop_cycles;
         let mut board = belt.board(place, ride_cycles, direction, now);
         for _ in 1..slots {
