@@ -49,10 +49,11 @@ pub struct CoreActivity {
 impl Chip {
     /// A cold chip.
     pub fn new(spec: &MachineSpec, fidelity: Fidelity) -> Chip {
-        let hierarchy = Hierarchy::new(spec);
+        let exact = fidelity == Fidelity::Cycle;
+        let hierarchy = Hierarchy::new(spec, exact);
         Chip {
             fidelity,
-            tables: CoreTables::new(spec, fidelity == Fidelity::Cycle),
+            tables: CoreTables::new(spec, exact),
             barrier_cycles: barrier_cycles(spec, &hierarchy.rings),
             hierarchy,
             cores: (0..spec.cores).map(|_| None).collect(),

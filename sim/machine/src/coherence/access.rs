@@ -48,12 +48,13 @@ pub(super) struct L2Access {
 }
 
 impl Hierarchy {
-    pub(crate) fn new(spec: &MachineSpec) -> Hierarchy {
+    /// Cold and idle; with rings that know every slot (`exact`) or count them in windows.
+    pub(crate) fn new(spec: &MachineSpec, exact: bool) -> Hierarchy {
         Hierarchy {
             caches: (0..spec.cores).map(|_| CoreCaches::absent()).collect(),
             directory: Directory::default(),
             slices: vec![Slots::new(spec.directory_interval * 256); spec.cores as usize],
-            rings: Rings::new(spec),
+            rings: Rings::new(spec, exact),
             memory: Memory::new(&spec.memory),
             controller_stops: (0..spec.memory.controllers)
                 .map(|controller| {

@@ -126,7 +126,7 @@ fn directory_and_caches_agree_under_random_traffic() {
     (config.l1d.capacity_bytes, config.l1d.ways) = (512, 2);
     (config.l2.capacity_bytes, config.l2.ways) = (2048, 4);
     let spec = config.validate().expect("sound");
-    let mut hierarchy = Hierarchy::new(&spec);
+    let mut hierarchy = Hierarchy::new(&spec, true);
     for caches in &mut hierarchy.caches {
         caches.power_up(&spec);
     }
@@ -166,7 +166,7 @@ fn second_miss_to_a_line_in_flight_fetches_once() {
     let config: MachineConfig =
         serde_json::from_str(builtin_machine("larrabee-24").expect("shipped")).expect("parses");
     let spec = config.validate().expect("sound");
-    let mut hierarchy = Hierarchy::new(&spec);
+    let mut hierarchy = Hierarchy::new(&spec, true);
     hierarchy.caches[3].power_up(&spec);
     let first = hierarchy.access(3, 99, Intent::Read, 0).expect("free MSHRs");
     let second = hierarchy.access(3, 99, Intent::Read, 10).expect("free MSHRs");

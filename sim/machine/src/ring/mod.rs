@@ -12,6 +12,7 @@
 //! on Knights Corner [chrysos12].
 
 mod belt;
+mod links;
 
 #[cfg(test)]
 mod tests;
@@ -20,6 +21,7 @@ use crate::Cycle;
 use crate::config::{MachineSpec, RingSpec};
 use crate::counters::RingCounters;
 use belt::Belt;
+use links::{Links, Ride};
 
 /// Bytes of a request or acknowledgement, for the counters.
 const SHORT_BYTES: u64 = 8;
@@ -45,18 +47,32 @@ struct Place {
 struct Loop {
     stops: u32,
     hop_cycles: u32,
-    /// By message and direction.
-    belts: [Belt; 4],
+    tracks: Tracks,
+}
+
+/// How the slots of a ring are kept, by message and direction.
+#[derive(Debug)]
+enum Tracks {
+    /// Every slot: `cycle`, and rings with too many stops for the other way.
+    Slots([Belt; 4]),
+    /// How many in a window: `windowed`. From each stop to each other there is a way, row by row.
+    Counts { ways: Vec<CountedWay>, links: [Links; 4] },
 }
 
 /// The shortest way from a stop to another.
 #[derive(Debug, Clone, Copy)]
 struct Way {
     hops: u32,
-    /// 0 up, 1 down.
-    direction: u8,
-    /// Whether the other direction is as short: then cycles take turns.
-    both: bool,
+    /// 0 up, 1 down: in even cycles and in odd ones, which take turns where both ways are as short.
+    directions: [u8; 2],
+}
+
+/// The same where slots are counted.
+#[derive(Debug)]
+struct CountedWay {
+    way: Way,
+    ride_cycles: u32,
+    rides: [Ride; 2],
 }
 
 /// All rings.
@@ -73,18 +89,25 @@ pub(crate) struct Rings {
 }
 
 impl Loop {
-    fn new(stops: u32, hop_cycles: Cycle) -> Loop {
+    fn new(stops: u32, hop_cycles: Cycle, exact: bool) -> Loop {
         let hop_cycles = u32::try_from(hop_cycles).expect("validated: far below 2^32 cycles");
-        // Links are pipelined: between two stops there are as many slots as a hop has cycles.
-        let belt = || Belt::new(stops * hop_cycles);
-        Loop { stops, hop_cycles, belts: [belt(), belt(), belt(), belt()] }
-    }
-
-    #[inline(always)]
-    fn way(&self, from: u32, to: u32) -> Way {
-        let up = if to >= from { to - from } else { to + self.stops - from };
-        let down = self.stops - up;
-        Way { hops: up.min(down), direction: u8::from(down < up), both: up == down }
+        let tracks = if exact || stops > links::STOPS_MAX {
+            // Links are pipelined: between two stops there are as many slots as a hop has cycles.
+            Tracks::Slots([0; 4].map(|_| Belt::new(stops * hop_cycles)))
+        } else {
+            let counted = |from: u32, to: u32| {
+                let way = way(stops, from, to);
+                // Link l joins stop l and the next.
+                let ride = |direction| match direction {
+                    0 => Ride::new(from, way.hops, stops),
+                    _ => Ride::new(from + stops - way.hops, way.hops, stops),
+                };
+                CountedWay { way, ride_cycles: way.hops * hop_cycles, rides: way.directions.map(ride) }
+            };
+            let ways = (0..stops).flat_map(|from| (0..stops).map(move |to| counted(from, to))).collect();
+            Tracks::Counts { ways, links: [0; 4].map(|_| Links::new()) }
+        };
+        Loop { stops, hop_cycles, tracks }
     }
 
     /// Takes a message of `slots` slots from a stop to another; returns when it has arrived whole.
@@ -98,18 +121,32 @@ impl Loop {
         now: Cycle,
         counters: &mut RingCounters,
     ) -> Cycle {
-        let Way { hops, direction, both } = self.way(from, to);
-        if hops == 0 {
-            return now;
-        }
-        let direction = usize::from(direction) | usize::from(both) & now as usize;
-        let ride_cycles = hops * self.hop_cycles;
-        let belt = &mut self.belts[message as usize * 2 + direction];
-        let place = from * self.hop_cycles;
-        let mut board = belt.board(place, ride_cycles, direction, now);
-        for _ in 1..slots {
-            board = belt.board(place, ride_cycles, direction, board + 1);
-        }
+        let parity = (now & 1) as usize;
+        let (board, hops, ride_cycles) = match &mut self.tracks {
+            Tracks::Counts { ways, links } => {
+                let CountedWay { way, ride_cycles, rides } = &ways[(from * self.stops + to) as usize];
+                if way.hops == 0 {
+                    return now;
+                }
+                let links = &mut links[message as usize * 2 + usize::from(way.directions[parity])];
+                let board = links.take(rides[parity], slots, now) + u64::from(slots - 1);
+                (board, way.hops, *ride_cycles)
+            }
+            Tracks::Slots(belts) => {
+                let way = way(self.stops, from, to);
+                if way.hops == 0 {
+                    return now;
+                }
+                let direction = usize::from(way.directions[parity]);
+                let ride_cycles = way.hops * self.hop_cycles;
+                let belt = &mut belts[message as usize * 2 + direction];
+                let mut board = belt.board(from * self.hop_cycles, ride_cycles, direction, now);
+                for _ in 1..slots {
+                    board = belt.board(from * self.hop_cycles, ride_cycles, direction, board + 1);
+                }
+                (board, way.hops, ride_cycles)
+            }
+        };
         counters.slot_hops += u64::from(slots * hops);
         // All slots could be had one after the other from the first cycle on: the rest is waiting.
         counters.wait_cycles += board - now - u64::from(slots - 1);
@@ -117,16 +154,25 @@ impl Loop {
     }
 }
 
+/// The shortest way on a ring of `stops`.
+#[inline(always)]
+fn way(stops: u32, from: u32, to: u32) -> Way {
+    let up = if to >= from { to - from } else { to + stops - from };
+    let down = stops - up;
+    Way { hops: up.min(down), directions: [u8::from(down < up), u8::from(down <= up)] }
+}
+
 impl Rings {
-    pub(crate) fn new(spec: &MachineSpec) -> Rings {
+    /// Rings that know every slot (`exact`), or count them in windows where that is faster.
+    pub(crate) fn new(spec: &MachineSpec, exact: bool) -> Rings {
         let rings = spec.ring.rings;
         let size = |ring: u32| first_core(spec.cores, rings, ring + 1) - first_core(spec.cores, rings, ring);
         let places = |ring| (0..size(ring)).map(move |stop| Place { ring, stop });
         Rings {
             spec: spec.ring.clone(),
             places: (0..rings).flat_map(places).collect(),
-            rings: (0..rings).map(|ring| Loop::new(size(ring), spec.ring.hop_cycles)).collect(),
-            bridge: Loop::new(rings, spec.ring.crossing_cycles),
+            rings: (0..rings).map(|ring| Loop::new(size(ring), spec.ring.hop_cycles, exact)).collect(),
+            bridge: Loop::new(rings, spec.ring.crossing_cycles, exact),
             slots: [1, spec.ring.line_slots],
             counters: RingCounters::default(),
         }
@@ -172,7 +218,7 @@ impl Rings {
             Message::Short => 0,
             Message::Line => u64::from(self.spec.line_slots - 1),
         };
-        let leg = |on: &Loop, from, to| match on.way(from, to).hops {
+        let leg = |on: &Loop, from, to| match way(on.stops, from, to).hops {
             0 => 0,
             hops => u64::from(hops * on.hop_cycles) + tail,
         };
