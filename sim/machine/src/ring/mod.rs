@@ -56,7 +56,7 @@ enum Tracks {
     /// Every slot: `cycle`, and rings with too many stops for the other way.
     Slots([Belt; 4]),
     /// How many in a window: `windowed`. From each stop to each other there is a way, row by row.
-    Counts { ways: Vec<CountedWay>, links: [Links; 4] },
+    Counts { ways: Vec<CountedWay>, links: Box<[Links; 4]> },
 }
 
 /// The shortest way from a stop to another.
@@ -105,7 +105,7 @@ impl Loop {
                 CountedWay { way, ride_cycles: way.hops * hop_cycles, rides: way.directions.map(ride) }
             };
             let ways = (0..stops).flat_map(|from| (0..stops).map(move |to| counted(from, to))).collect();
-            Tracks::Counts { ways, links: [0; 4].map(|_| Links::new()) }
+            Tracks::Counts { ways, links: Box::new([0; 4].map(|_| Links::new())) }
         };
         Loop { stops, hop_cycles, tracks }
     }
