@@ -82,36 +82,29 @@ impl Hierarchy {
         let before = record.sharers;
         let mut done = leaves;
         if actions.data == Source::Peer || actions.invalidate_others {
-            let supplier = before.nearest(me, &self.directory.pool);
-            let mut peers = std::mem::take(&mut self.peers);
-            if actions.invalidate_others {
-                before.for_each(&self.directory.pool, |peer| {
-                    if peer != me {
-                        peers.push(peer);
-                    }
-                });
-            } else {
-                peers.extend(supplier);
-            }
-            if actions.data == Source::Peer {
-                self.counters.forwards += 1;
-            }
-            for peer in &peers {
-                let supplies = actions.data == Source::Peer && Some(*peer) == supplier;
-                let asked = self.rings.send(home, *peer, Message::Short, leaves);
-                if actions.invalidate_others {
-                    self.counters.invalidations += 1;
-                    self.lose(*peer as usize, line);
-                } else {
-                    self.supply(*peer, line, asked);
+            let supplier = match before.owner() {
+                Some(owner) => Some(owner),
+                None => before.nearest(me, &self.directory.pool),
+            };
+            let supplier = supplier.filter(|_| actions.data == Source::Peer);
+            self.counters.forwards += u64::from(supplier.is_some());
+            if !actions.invalidate_others {
+                let supplier = supplier.expect("only a peer's data are asked for without a loss");
+                let asked = self.rings.send(home, supplier, Message::Short, leaves);
+                self.supply(supplier, line, asked);
+                done = done.max(self.answer(supplier, me, true, asked));
+            } else if let Some(few) = before.few() {
+                for peer in few.filter(|peer| *peer != me) {
+                    done = done.max(self.invalidate(peer, home, me, line, supplier == Some(peer), leaves));
                 }
-                let message = if supplies { Message::Line } else { Message::Short };
-                // A supplier reads its L2; an acknowledgement leaves at once.
-                let answers = if supplies { asked + self.spec.l2.hit_cycles } else { asked };
-                done = done.max(self.rings.send(*peer, me, message, answers));
+            } else {
+                let mut peers = std::mem::take(&mut self.peers);
+                before.for_each(&self.directory.pool, |peer| peers.push(peer));
+                for peer in peers.drain(..).filter(|peer| *peer != me) {
+                    done = done.max(self.invalidate(peer, home, me, line, supplier == Some(peer), leaves));
+                }
+                self.peers = peers;
             }
-            peers.clear();
-            self.peers = peers;
         }
 
         // Memory, or the home's permission when no data are needed.
@@ -138,6 +131,34 @@ impl Hierarchy {
             Cause::Remote
         };
         L2Access { ready: done, cause, owned: next.is_owner() }
+    }
+
+    /// Has the copy of `peer` invalidated by `home` at `now`; returns when its answer, the line if it `supplies` that, is
+    /// with `requester`.
+    #[inline(always)]
+    fn invalidate(
+        &mut self,
+        peer: u32,
+        home: u32,
+        requester: u32,
+        line: u32,
+        supplies: bool,
+        now: Cycle,
+    ) -> Cycle {
+        self.counters.invalidations += 1;
+        let asked = self.rings.send(home, peer, Message::Short, now);
+        self.lose(peer as usize, line);
+        self.answer(peer, requester, supplies, asked)
+    }
+
+    /// What `peer`, asked at `now`, sends: a supplier reads its L2, an acknowledgement leaves at once.
+    #[inline(always)]
+    fn answer(&mut self, peer: u32, requester: u32, supplies: bool, now: Cycle) -> Cycle {
+        if supplies {
+            self.rings.send(peer, requester, Message::Line, now + self.spec.l2.hit_cycles)
+        } else {
+            self.rings.send(peer, requester, Message::Short, now)
+        }
     }
 
     /// Writes down who has the line now, and until when it is busy.
