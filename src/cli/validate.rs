@@ -1,11 +1,13 @@
 //! `lrbsim validate`.
 
 use std::io::Write;
+use std::path::PathBuf;
 
 use clap::Args;
-use lrbsim::validate::{Targets, ValidateRequest, validate};
+use lrbsim::validate::{Targets, ValidateRequest, validate, write as write_files};
 use lrbsim::{BadInput, Machine, Setting};
 use lrbsim_machine::Fidelity;
+use lrbsim_reports::files::ResultDir;
 
 use super::Failure;
 
@@ -31,6 +33,10 @@ pub(crate) struct ValidateArgs {
     #[arg(long, value_name = "LEVEL", default_value = "windowed")]
     fidelity: String,
 
+    /// Write validation.md, its plots and the summary that reports carry to this folder too.
+    #[arg(short, long, value_name = "DIR")]
+    out: Option<PathBuf>,
+
     /// Print the rows as JSON on standard output, and nothing else there.
     #[arg(long)]
     json: bool,
@@ -51,7 +57,13 @@ pub(crate) fn run(args: &ValidateArgs, out: &mut impl Write) -> Result<bool, Fai
         args.settings.iter().map(|text| text.parse()).collect::<Result<_, BadInput>>()?;
     let machine = Machine::load(&args.machine, &settings)?;
     let targets = args.targets.as_deref().map_or_else(|| Ok(Targets::shipped()), Targets::load)?;
-    let result = validate(&ValidateRequest { machine, targets, only: args.only.clone(), fidelity })?;
+    // Before the long run.
+    let folder = args.out.as_deref().map(ResultDir::open).transpose().map_err(BadInput::from)?;
+    let request = ValidateRequest { machine, targets, only: args.only.clone(), fidelity };
+    let result = validate(&request)?;
+    if let Some(folder) = folder {
+        write_files(&result, &request.machine, folder)?;
+    }
     if args.json {
         let text = serde_json::to_string_pretty(&result).expect("rows have string keys and finite numbers");
         writeln!(out, "{text}")?;

@@ -16,7 +16,8 @@ mod throughput;
 use std::collections::BTreeMap;
 
 use lrbsim_machine::Fidelity;
-use lrbsim_reports::validation::{Row, Validation};
+use lrbsim_reports::files::ResultDir;
+use lrbsim_reports::validation::{ModelError, Row, Validation, bandwidth_plot, latency_plot, scatter_plot};
 use rayon::prelude::*;
 
 use crate::error::BadInput;
@@ -24,6 +25,30 @@ use crate::inputs::Machine;
 
 pub use experiment::{Experiment, Outcome};
 pub use targets::{Target, Targets};
+
+/// How far the model is from measured machines, as of the last validation that was written to `docs`.
+pub fn model_error() -> ModelError {
+    const WRITTEN: &str = include_str!("../../docs/validation-error.json");
+    serde_json::from_str(WRITTEN).expect("`validate -o docs` wrote it")
+}
+
+/// Writes the page, its plots and the summary for reports to the folder `out`.
+pub fn write(validation: &Validation, machine: &Machine, out: ResultDir) -> Result<(), BadInput> {
+    let mut out = out;
+    let summary = serde_json::to_string_pretty(&validation.model_error()).expect("fields have string keys");
+    let files = [
+        ("validation-scatter.svg", scatter_plot(validation)),
+        ("validation-bandwidth.svg", bandwidth_plot(validation)),
+        ("validation-latency.svg", latency_plot(validation)),
+        ("validation-error.json", summary + "\n"),
+        ("validation.md", validation.markdown(&machine.config.sources)),
+    ];
+    for (name, text) in &files {
+        out.stage(name, text.as_bytes())?;
+    }
+    out.commit()?;
+    Ok(())
+}
 
 /// What is compared with what.
 #[derive(Debug, Clone)]

@@ -343,6 +343,19 @@ impl Kernel for Count {
     }
 }
 
+/// Cell of each point along one axis of its face's grid; `rows` of the face table: origin, cells per unit, last cell.
+#[inline(always)]
+fn place<V: Vpu>(v: &mut V, live: V::Mask, x: V::F32, face: V::I32, rows: [Addr; 3], zero: V::F32) -> V::I32 {
+    let origin = v.vgather_f32_or(zero, live, rows[0], face);
+    let per_cell = v.vgather_f32_or(zero, live, rows[1], face);
+    let last = v.vgather_f32_or(zero, live, rows[2], face);
+    let from = v.vsub(x, origin);
+    let cell = v.vmul(from, per_cell);
+    let cell = v.vmax(cell, zero);
+    let cell = v.vmin(cell, last);
+    v.vcvt_f32_i32(cell)
+}
+
 /// `cell << 2 | slice` of each point.
 #[inline(always)]
 fn key<V: Vpu>(v: &mut V, layout: &Layout, live: V::Mask, p: Vec3<V>) -> V::I32 {
@@ -350,18 +363,8 @@ fn key<V: Vpu>(v: &mut V, layout: &Layout, live: V::Mask, p: Vec3<V>) -> V::I32 
     let zero = v.vset_f32(0.0);
     let none = v.vset_i32(0);
     let table = layout.face_table;
-    let mut place = |x: V::F32, origin: u64, per_cell: u64, last: u64| {
-        let origin = v.vgather_f32_or(zero, live, row(table, origin), face);
-        let per_cell = v.vgather_f32_or(zero, live, row(table, per_cell), face);
-        let last = v.vgather_f32_or(zero, live, row(table, last), face);
-        let from = v.vsub(x, origin);
-        let cell = v.vmul(from, per_cell);
-        let cell = v.vmax(cell, zero);
-        let cell = v.vmin(cell, last);
-        v.vcvt_f32_i32(cell)
-    };
-    let cx = place(x, ORIGIN_X, PER_CELL_X, LAST_X);
-    let cy = place(y, ORIGIN_Y, PER_CELL_Y, LAST_Y);
+    let cx = place(v, live, x, face, [ORIGIN_X, PER_CELL_X, LAST_X].map(|r| row(table, r)), zero);
+    let cy = place(v, live, y, face, [ORIGIN_Y, PER_CELL_Y, LAST_Y].map(|r| row(table, r)), zero);
     let bins_x = v.vgather_i32_or(none, live, row(table, BINS_X), face);
     let first_bin = v.vgather_i32_or(none, live, row(table, FIRST_BIN), face);
 

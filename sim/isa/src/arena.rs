@@ -4,7 +4,8 @@
 //! allocate. The range is reserved once and committed by the operating system page by page as it is touched, so memory
 //! follows what the scene touches and no array ever moves.
 
-use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
+use core::marker::PhantomData;
+use std::sync::atomic::{AtomicI32, AtomicU32, AtomicU64, Ordering};
 
 /// Bytes in a line.
 pub const LINE_BYTES: u64 = 64;
@@ -158,6 +159,12 @@ impl Arena {
         self.used_bytes
     }
 
+    /// Its bytes.
+    #[inline(always)]
+    pub(crate) fn memory(&self) -> Memory<'_> {
+        Memory { base: self.base, used_bytes: self.used_bytes, arena: PhantomData }
+    }
+
     /// Gives back everything allocated after `mark`, a value of [`Arena::used_bytes`]. The bytes keep their values.
     ///
     /// # Panics
@@ -174,7 +181,7 @@ impl Arena {
     /// Reads one word from the host, between steps.
     pub fn read_u32(&self, addr: Addr) -> u32 {
         self.note_host_read();
-        u32::from_le_bytes(self.get(addr))
+        u32::from_le_bytes(self.memory().get(addr))
     }
 
     /// Reads one float from the host, between steps.
@@ -194,7 +201,7 @@ impl Arena {
 
     /// Writes one word from the host, between steps.
     pub fn write_u32(&mut self, addr: Addr, value: u32) {
-        self.put(addr, value.to_le_bytes());
+        self.memory().put(addr, value.to_le_bytes());
     }
 
     /// Writes words from the host, between steps.
@@ -224,29 +231,42 @@ impl Arena {
             self.host_reads_in_task.fetch_add(1, Ordering::Relaxed);
         }
     }
+}
 
+/// The bytes of an arena as a task sees them: by value, since they neither move nor change in number while it runs, so
+/// that base and bound can stay in host registers.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Memory<'a> {
+    base: *mut u8,
+    used_bytes: u64,
+    arena: PhantomData<&'a Arena>,
+}
+
+impl<'a> Memory<'a> {
     /// Host pointer to `bytes` bytes at `addr`.
     ///
     /// # Panics
     /// When they do not lie inside what was allocated: a kernel computed a wrong address.
     #[inline(always)]
     pub(crate) fn pointer(&self, addr: u64, bytes: u64) -> *mut u8 {
-        if addr.wrapping_add(bytes) > self.used_bytes || addr > self.used_bytes {
-            self.out_of_range(addr, bytes);
+        // One comparison: the lines of the runtime alone are more than any access.
+        debug_assert!(bytes <= FIRST_FREE_BYTE);
+        if addr > self.used_bytes - bytes {
+            out_of_range(addr, bytes, self.used_bytes);
         }
         self.base.wrapping_add(addr as usize)
     }
 
-    /// Host pointer to byte 0, for accesses whose active lanes were checked against [`Arena::used_bytes`].
+    /// Host pointer to byte 0, for accesses whose active lanes were checked against [`Memory::used_bytes`].
     #[inline(always)]
     pub(crate) fn base(&self) -> *mut u8 {
         self.base
     }
 
-    #[cold]
-    #[inline(never)]
-    pub(crate) fn out_of_range(&self, addr: u64, bytes: u64) -> ! {
-        panic!("access to {bytes} bytes at {addr:#x}, past the {:#x} bytes of the arena", self.used_bytes)
+    /// Bytes that tasks may touch.
+    #[inline(always)]
+    pub(crate) fn used_bytes(&self) -> u64 {
+        self.used_bytes
     }
 
     #[inline(always)]
@@ -268,12 +288,20 @@ impl Arena {
     /// The word at `addr` as a host atomic, for adds from several host threads.
     #[inline(always)]
     #[expect(unsafe_code, reason = "adds of independent tasks meet in the same word")]
-    pub(crate) fn atomic(&self, addr: Addr) -> &std::sync::atomic::AtomicI32 {
+    pub(crate) fn atomic(&self, addr: Addr) -> &'a AtomicI32 {
         assert!(addr.0.is_multiple_of(4), "atomic at {:#x}, which is not a multiple of 4", addr.0);
         let word = self.pointer(addr.0, 4).cast::<i32>();
-        // SAFETY: in range (checked), aligned (checked; the map is page-aligned), alive as long as `self`.
-        unsafe { std::sync::atomic::AtomicI32::from_ptr(word) }
+        // SAFETY: in range (checked), aligned (checked; the map is page-aligned), alive as long as the arena.
+        unsafe { AtomicI32::from_ptr(word) }
     }
+}
+
+/// Stops a task whose kernel computed a wrong address. Takes all by value: what a call sees in place would live in host
+/// memory.
+#[cold]
+#[inline(never)]
+pub(crate) fn out_of_range(addr: u64, bytes: u64, used_bytes: u64) -> ! {
+    panic!("access to {bytes} bytes at {addr:#x}, past the {used_bytes:#x} bytes of the arena")
 }
 
 /// A task that runs; see [`Arena::task_begins`].

@@ -7,7 +7,7 @@
 use core::marker::PhantomData;
 use core::sync::atomic::Ordering::Relaxed;
 
-use crate::arena::{Addr, Arena, LINE_BYTES, STACK_BASE_LINE, STACK_LINES};
+use crate::arena::{Addr, Arena, LINE_BYTES, Memory, STACK_BASE_LINE, STACK_LINES, out_of_range};
 use crate::emit::Emit;
 use crate::lanes::{LANES, Lanes};
 use crate::uop::Class;
@@ -34,7 +34,7 @@ pub struct Value<T, Id> {
 
 /// Host lanes `L` that compute on an arena, and an emitter `E` that takes note.
 pub struct Backend<'a, L: Lanes, E: Emit> {
-    arena: &'a Arena,
+    memory: Memory<'a>,
     emit: E,
     /// Whether other host threads may add to the same words meanwhile.
     shared: bool,
@@ -46,13 +46,13 @@ impl<'a, L: Lanes, E: Emit> Backend<'a, L, E> {
     /// A hardware thread about to run a task; `shared` when other host threads may add to the same words meanwhile.
     #[inline(always)]
     pub fn new(arena: &'a Arena, emit: E, shared: bool) -> Self {
-        Backend { arena, emit, shared, transfer_slot: 0, lanes: PhantomData }
+        Backend { memory: arena.memory(), emit, shared, transfer_slot: 0, lanes: PhantomData }
     }
 
     /// What took note.
     #[inline(always)]
-    pub(crate) fn into_emit(self) -> E {
-        self.emit
+    pub(crate) fn emitted(&self) -> &E {
+        &self.emit
     }
 
     /// `base + 4 * index` of a scalar index.
@@ -61,7 +61,18 @@ impl<'a, L: Lanes, E: Emit> Backend<'a, L, E> {
         base.0.wrapping_add(4 * u64::from(index as u32))
     }
 
-    /// Notes the lines of `bytes` consecutive bytes.
+    /// Notes the line of a word. A word lies in one line: addresses are multiples of 4.
+    #[inline(always)]
+    fn line_of(&mut self, addr: u64) -> u8 {
+        if !E::LINES {
+            return 0;
+        }
+        debug_assert!(addr.is_multiple_of(4), "word at {addr:#x}, which is no multiple of 4");
+        self.emit.line((addr / LINE_BYTES) as u32);
+        1
+    }
+
+    /// Notes the lines of up to 64 consecutive bytes.
     #[inline(always)]
     fn lines_of(&mut self, addr: u64, bytes: u64) -> u8 {
         if !E::LINES || bytes == 0 {
@@ -69,12 +80,7 @@ impl<'a, L: Lanes, E: Emit> Backend<'a, L, E> {
         }
         let first = (addr / LINE_BYTES) as u32;
         let last = ((addr + bytes - 1) / LINE_BYTES) as u32;
-        self.emit.line(first);
-        if last != first {
-            self.emit.line(last);
-            return 2;
-        }
-        1
+        self.emit.line_or_two(first, last)
     }
 
     /// Notes the lines that the active lanes touch, each once, in lane order.
@@ -102,7 +108,7 @@ impl<'a, L: Lanes, E: Emit> Backend<'a, L, E> {
     /// The lanes of an indexed access that lie inside the arena.
     #[inline(always)]
     fn inside(&self, base: Addr, index: L::I) -> u16 {
-        let room = self.arena.used_bytes().saturating_sub(base.0) / 4;
+        let room = self.memory.used_bytes().saturating_sub(base.0) / 4;
         L::ult(index, L::splat_i(room.min(i32::MAX as u64) as i32))
     }
 
@@ -114,7 +120,7 @@ impl<'a, L: Lanes, E: Emit> Backend<'a, L, E> {
         }
         let first = 4 * u64::from(k.trailing_zeros());
         let end = 4 * u64::from(16 - k.leading_zeros());
-        self.arena.pointer(addr + first, end - first).wrapping_sub(first as usize).cast()
+        self.memory.pointer(addr + first, end - first).wrapping_sub(first as usize).cast()
     }
 
     /// Lines and byte count of the active lanes' span at `addr`.
@@ -133,9 +139,10 @@ impl<'a, L: Lanes, E: Emit> Backend<'a, L, E> {
     fn indexed_pointer(&self, k: u16, base: Addr, index: L::I) -> *mut i32 {
         let outside = k & !self.inside(base, index);
         if outside != 0 {
-            self.arena.out_of_range(Self::address(base, Self::lane(index, outside.trailing_zeros())), 4);
+            let addr = Self::address(base, Self::lane(index, outside.trailing_zeros()));
+            out_of_range(addr, 4, self.memory.used_bytes());
         }
-        self.arena.base().wrapping_add(base.0 as usize).cast()
+        self.memory.base().wrapping_add(base.0 as usize).cast()
     }
 
     /// Lane `lane` of `a`.
@@ -207,7 +214,7 @@ impl<'a, L: Lanes, E: Emit> Backend<'a, L, E> {
     #[expect(unsafe_code, reason = "the range is checked just before")]
     fn load(&mut self, base: Addr, index: Value<i32, E::Id>) -> Value<L::I, E::Id> {
         let addr = Self::address(base, index.v);
-        let from = self.arena.pointer(addr, 64);
+        let from = self.memory.pointer(addr, 64);
         // SAFETY: `pointer` checked 64 bytes.
         let v = unsafe { L::load(from.cast()) };
         let lines = self.lines_of(addr, 64);
@@ -238,7 +245,7 @@ impl<'a, L: Lanes, E: Emit> Backend<'a, L, E> {
     fn store(&mut self, k: Value<u16, E::Id>, base: Addr, index: Value<i32, E::Id>, a: Value<L::I, E::Id>) {
         let addr = Self::address(base, index.v);
         if k.v == u16::MAX {
-            let to = self.arena.pointer(addr, 64);
+            let to = self.memory.pointer(addr, 64);
             // SAFETY: `pointer` checked 64 bytes.
             unsafe { L::store(to.cast(), a.v) };
         } else {
@@ -291,8 +298,8 @@ impl<'a, L: Lanes, E: Emit> Backend<'a, L, E> {
     #[inline(always)]
     fn broadcast(&mut self, base: Addr, index: Value<i32, E::Id>) -> Value<L::I, E::Id> {
         let addr = Self::address(base, index.v);
-        let v = L::splat_i(i32::from_le_bytes(self.arena.get(Addr(addr))));
-        let lines = self.lines_of(addr, 4);
+        let v = L::splat_i(i32::from_le_bytes(self.memory.get(Addr(addr))));
+        let lines = self.line_of(addr);
         Value { v, id: self.emit.memory(Class::VectorBroadcastLoad, [index.id], lines) }
     }
 
@@ -306,7 +313,7 @@ impl<'a, L: Lanes, E: Emit> Backend<'a, L, E> {
     #[inline(always)]
     fn prefetch(&mut self, class: Class, base: Addr, index: Value<i32, E::Id>) {
         let addr = Self::address(base, index.v);
-        let lines = if addr < self.arena.used_bytes() { self.lines_of(addr, 4) } else { 0 };
+        let lines = if addr < self.memory.used_bytes() { self.line_of(addr) } else { 0 };
         self.emit.memory(class, [index.id], lines);
     }
 
@@ -512,7 +519,7 @@ macro_rules! implement_vpu {
             fn vstore_stream(&mut self, base: Addr, index: Self::S32, a: Self::I32) {
                 let addr = Self::address(base, index.v);
                 assert!(addr.is_multiple_of(LINE_BYTES), "streaming store to {addr:#x}, which is no multiple of 64");
-                let to = self.arena.pointer(addr, 64);
+                let to = self.memory.pointer(addr, 64);
                 // SAFETY: `pointer` checked 64 bytes.
                 unsafe { L::store(to.cast(), a.v) };
                 let lines = self.lines_of(addr, 64);
@@ -524,7 +531,7 @@ macro_rules! implement_vpu {
             fn vexpand_i32_or(&mut self, or: Self::I32, k: Self::Mask, base: Addr, index: Self::S32) -> Self::I32 {
                 let addr = Self::address(base, index.v);
                 let bytes = 4 * u64::from(k.v.count_ones());
-                let from = if k.v == 0 { core::ptr::null_mut() } else { self.arena.pointer(addr, bytes) };
+                let from = if k.v == 0 { core::ptr::null_mut() } else { self.memory.pointer(addr, bytes) };
                 // SAFETY: `pointer` checked as many words as there are active lanes.
                 let v = unsafe { L::expand(or.v, k.v, from.cast()) };
                 let lines = self.lines_of(addr, bytes);
@@ -537,7 +544,7 @@ macro_rules! implement_vpu {
             fn vcompress_i32(&mut self, k: Self::Mask, base: Addr, index: Self::S32, a: Self::I32) {
                 let addr = Self::address(base, index.v);
                 let bytes = 4 * u64::from(k.v.count_ones());
-                let to = if k.v == 0 { core::ptr::null_mut() } else { self.arena.pointer(addr, bytes) };
+                let to = if k.v == 0 { core::ptr::null_mut() } else { self.memory.pointer(addr, bytes) };
                 // SAFETY: `pointer` checked as many words as there are active lanes.
                 unsafe { L::compress(k.v, to.cast(), a.v) };
                 let lines = self.lines_of(addr, bytes);
@@ -586,7 +593,7 @@ macro_rules! implement_vpu {
                 let (at, add, mut out) = (L::to_i(index.v), L::to_i(a.v), L::to_i(or.v));
                 for lane in 0..LANES {
                     if k.v >> lane & 1 == 1 {
-                        let word = self.arena.atomic(Addr(Self::address(base, at[lane])));
+                        let word = self.memory.atomic(Addr(Self::address(base, at[lane])));
                         out[lane] = if self.shared {
                             word.fetch_add(add[lane], Relaxed)
                         } else {
@@ -608,7 +615,7 @@ macro_rules! implement_vpu {
                 let mut out = L::to_i(or.v);
                 for lane in 0..LANES {
                     if k.v >> lane & 1 == 1 {
-                        let word = self.arena.atomic(Addr(Self::address(base, at[lane])));
+                        let word = self.memory.atomic(Addr(Self::address(base, at[lane])));
                         out[lane] =
                             word.compare_exchange(want[lane], new[lane], Relaxed, Relaxed).unwrap_or_else(|old| old);
                     }
@@ -619,8 +626,8 @@ macro_rules! implement_vpu {
             #[inline(always)]
             fn s_atomic_add(&mut self, base: Addr, index: Self::S32, a: Self::S32) -> Self::S32 {
                 let addr = Self::address(base, index.v);
-                let v = self.arena.atomic(Addr(addr)).fetch_add(a.v, Relaxed);
-                let lines = self.lines_of(addr, 4);
+                let v = self.memory.atomic(Addr(addr)).fetch_add(a.v, Relaxed);
+                let lines = self.line_of(addr);
                 Value { v, id: self.emit.memory(Class::Atomic, [index.id, a.id], lines) }
             }
             #[inline(always)]
@@ -628,9 +635,9 @@ macro_rules! implement_vpu {
                 &mut self, base: Addr, index: Self::S32, expected: Self::S32, a: Self::S32,
             ) -> Self::S32 {
                 let addr = Self::address(base, index.v);
-                let word = self.arena.atomic(Addr(addr));
+                let word = self.memory.atomic(Addr(addr));
                 let v = word.compare_exchange(expected.v, a.v, Relaxed, Relaxed).unwrap_or_else(|old| old);
-                let lines = self.lines_of(addr, 4);
+                let lines = self.line_of(addr);
                 Value { v, id: self.emit.memory(Class::Atomic, [index.id, expected.id, a.id], lines) }
             }
 
@@ -641,15 +648,15 @@ macro_rules! implement_vpu {
             #[inline(always)]
             fn s_load(&mut self, base: Addr, index: Self::S32) -> Self::S32 {
                 let addr = Self::address(base, index.v);
-                let v = i32::from_le_bytes(self.arena.get(Addr(addr)));
-                let lines = self.lines_of(addr, 4);
+                let v = i32::from_le_bytes(self.memory.get(Addr(addr)));
+                let lines = self.line_of(addr);
                 Value { v, id: self.emit.memory(Class::ScalarLoad, [index.id], lines) }
             }
             #[inline(always)]
             fn s_store(&mut self, base: Addr, index: Self::S32, a: Self::S32) {
                 let addr = Self::address(base, index.v);
-                self.arena.put(Addr(addr), a.v.to_le_bytes());
-                let lines = self.lines_of(addr, 4);
+                self.memory.put(Addr(addr), a.v.to_le_bytes());
+                let lines = self.line_of(addr);
                 self.emit.memory(Class::ScalarStore, [index.id, a.id], lines);
             }
             #[inline(always)]

@@ -22,6 +22,7 @@ pub mod kernel;
 pub mod lanes;
 pub mod math;
 pub mod program;
+mod record;
 pub mod scan;
 mod spill;
 pub mod stream;

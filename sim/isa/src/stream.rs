@@ -18,6 +18,8 @@ pub struct Stream {
     pub lanes_masked: u64,
     /// Most vector registers live at once, before spills were charged.
     pub live_vectors_max: u32,
+    /// The task had more uops or lines than a host records: this holds none of them, and times from it are void.
+    pub cut_short: bool,
 }
 
 impl Stream {
@@ -28,6 +30,7 @@ impl Stream {
         self.lanes_active = 0;
         self.lanes_masked = 0;
         self.live_vectors_max = 0;
+        self.cut_short = false;
     }
 
     /// How many uops of each class the stream holds.

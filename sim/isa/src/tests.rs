@@ -2,9 +2,12 @@
 
 use crate::arena::{Addr, Arena, STACK_BASE_LINE};
 use crate::emit::OpCounts;
+use crate::examples;
 use crate::host::HostSimd;
 use crate::kernel::{AnyKernel, Kernel};
 use crate::lanes::{Lanes, Portable};
+use crate::program::{MakeStep, Phase, Program};
+use crate::scan::{self, Scan};
 use crate::stream::Stream;
 use crate::uop::{Class, Uop};
 use crate::vpu::{Compare, Vpu, for_each_operation};
@@ -1105,5 +1108,49 @@ fn blocks_of_register_pressure_agree_with_their_definition() {
             }
             _ => check_distinct::<Portable>(&at),
         }
+    }
+}
+
+/// Streams of whole programs, frozen: what is recorded must not change with how it is recorded.
+#[test]
+fn recorded_programs_are_the_same_bytes_as_ever() {
+    fn mix(hash: &mut u64, word: u64) {
+        *hash = (*hash ^ word).wrapping_mul(0x0000_0100_0000_01b3).rotate_left(23);
+    }
+    fn hash<S>(mut program: Program<S>, simd: HostSimd) -> u64 {
+        let mut arena = Arena::new();
+        let mut stream = Stream::default();
+        let mut hash = 1;
+        for make_step in program.phases.iter().flat_map(|phase| &phase.steps) {
+            let step = make_step(&mut program.state, &mut arena);
+            for task in 0..step.tasks {
+                stream.clear();
+                step.kernel.record(simd, &arena, task, &mut stream);
+                stream.uops.iter().chain(&stream.lines).for_each(|word| mix(&mut hash, u64::from(*word)));
+                mix(&mut hash, stream.lanes_active);
+                mix(&mut hash, stream.lanes_masked);
+                mix(&mut hash, u64::from(stream.live_vectors_max));
+            }
+        }
+        hash
+    }
+    let scan = || {
+        let make_step = |_: &mut (), arena: &mut Arena| {
+            let words = arena.alloc(scan::padded(5000));
+            Scan::new(arena, words, 5000).blocks()
+        };
+        let steps: Vec<MakeStep<()>> = vec![make_step];
+        Program { state: (), phases: vec![Phase { id: "scan", title: "scan", in_paper_total: false, steps }] }
+    };
+    for simd in levels() {
+        let hashes = [
+            hash(examples::saxpy(5001), simd),
+            hash(examples::histogram(3000, 70), simd),
+            hash(examples::transpose(48, 80), simd),
+            hash(scan(), simd),
+        ];
+        let frozen =
+            [0x9976_ff4d_d553_7b9c, 0x1c87_3619_7292_6f36, 0x9f4e_59fd_47e8_3731, 0x05a5_cf7a_2e10_b832];
+        assert_eq!(hashes, frozen, "{simd}: {hashes:#x?}");
     }
 }

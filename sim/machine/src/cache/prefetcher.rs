@@ -85,7 +85,13 @@ mod tests {
     use super::*;
 
     fn prefetcher() -> Prefetcher {
-        Prefetcher::new(Some(&PrefetcherSpec { streams: 2, lines_ahead: 4, train_lines: 2, mshrs_spared: 0, page_lines: 64 }))
+        Prefetcher::new(Some(&PrefetcherSpec {
+            streams: 2,
+            lines_ahead: 4,
+            train_lines: 2,
+            mshrs_spared: 0,
+            page_lines: 64,
+        }))
     }
 
     /// Everything that an access makes it fetch.
@@ -103,7 +109,7 @@ mod tests {
     #[test]
     fn two_neighbors_make_a_stream_and_one_line_does_not() {
         let mut prefetcher = prefetcher();
-        assert_eq!(fetched(&mut prefetcher, 128), []);
+        assert!(fetched(&mut prefetcher, 128).is_empty());
         assert_eq!(fetched(&mut prefetcher, 129), [130, 131, 132, 133]);
         assert_eq!(fetched(&mut prefetcher, 130), [134]);
     }
@@ -126,7 +132,7 @@ mod tests {
         let mut prefetcher = prefetcher();
         fetched(&mut prefetcher, 128);
         fetched(&mut prefetcher, 129);
-        assert_eq!(fetched(&mut prefetcher, 150), []);
+        assert!(fetched(&mut prefetcher, 150).is_empty());
         assert_eq!(fetched(&mut prefetcher, 151), [152, 153, 154, 155]);
     }
 
@@ -136,7 +142,10 @@ mod tests {
         for page in [0, 64, 128] {
             fetched(&mut prefetcher, page);
         }
-        assert_eq!(fetched(&mut prefetcher, 1), [], "page 0 was thrown out, and this miss begins it again");
+        assert!(
+            fetched(&mut prefetcher, 1).is_empty(),
+            "page 0 was thrown out, and this miss begins it again"
+        );
         assert_eq!(fetched(&mut prefetcher, 129).len(), 4);
     }
 

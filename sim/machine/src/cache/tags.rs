@@ -19,10 +19,37 @@ impl Group {
     /// The first way that holds `line`.
     #[inline(always)]
     fn first_way_with(&self, line: u32) -> Option<u32> {
-        // A byte a way in one word: the compiler makes this two vector compares and two packs.
-        let equal = u64::from_le_bytes(self.tags.map(|tag| if tag == line { 0xff } else { 0 }));
-        (equal != 0).then(|| equal.trailing_zeros() / 8)
+        let equal = equal_ways(&self.tags, line);
+        (equal != 0).then(|| equal.trailing_zeros())
     }
+}
+
+/// A bit for every tag that is `line`.
+#[cfg(target_arch = "x86_64")]
+#[inline(always)]
+fn equal_ways(tags: &[u32; GROUP], line: u32) -> u32 {
+    use core::arch::x86_64::{
+        _mm_cmpeq_epi32, _mm_movemask_epi8, _mm_packs_epi16, _mm_packs_epi32, _mm_set1_epi32, _mm_setr_epi32,
+    };
+    // The most frequent search of all: a third of what the compiler makes of the plain loop.
+    let [a, b, c, d, e, f, g, h] = tags.map(u32::cast_signed);
+    #[expect(unsafe_code, reason = "host SIMD on values, no memory")]
+    // SAFETY: every x86-64 host has SSE2.
+    unsafe {
+        let line = _mm_set1_epi32(line.cast_signed());
+        let low = _mm_cmpeq_epi32(_mm_setr_epi32(a, b, c, d), line);
+        let high = _mm_cmpeq_epi32(_mm_setr_epi32(e, f, g, h), line);
+        let halves = _mm_packs_epi32(low, high);
+        let bytes = _mm_packs_epi16(halves, halves);
+        (_mm_movemask_epi8(bytes) & 0xff).cast_unsigned()
+    }
+}
+
+/// A bit for every tag that is `line`.
+#[cfg(not(target_arch = "x86_64"))]
+#[inline(always)]
+fn equal_ways(tags: &[u32; GROUP], line: u32) -> u32 {
+    tags.iter().zip(0..).map(|(tag, way)| u32::from(*tag == line) << way).sum()
 }
 
 /// Where a line sits: valid until the set changes.
@@ -73,7 +100,6 @@ impl Tags {
     }
 
     pub(crate) fn absent() -> Tags {
-        // No groups, which a search passes over at no extra cost.
         Tags { groups: Vec::new(), sets: 0, ways: 0, all_ways: 0, groups_per_set: 0, mask: Some(0) }
     }
 
@@ -94,10 +120,13 @@ impl Tags {
     #[inline(always)]
     pub(crate) fn find(&self, line: u32) -> Option<Slot> {
         let first = self.first_group(line);
-        for group in first..first + self.groups_per_set as usize {
-            if let Some(way) = self.groups[group].first_way_with(line) {
-                return Some(Slot { group: group as u32, way });
-            }
+        // A core that has not run has no groups.
+        if let Some(way) = self.groups.get(first)?.first_way_with(line) {
+            return Some(Slot { group: first as u32, way });
+        }
+        if self.groups_per_set > 1 {
+            let way = self.groups[first + 1].first_way_with(line)?;
+            return Some(Slot { group: first as u32 + 1, way });
         }
         None
     }

@@ -51,10 +51,11 @@ pub struct CoreActivity {
 impl Chip {
     /// A cold chip.
     pub fn new(spec: &MachineSpec, fidelity: Fidelity) -> Chip {
-        let hierarchy = Hierarchy::new(spec);
+        let exact = fidelity == Fidelity::Cycle;
+        let hierarchy = Hierarchy::new(spec, exact);
         Chip {
             fidelity,
-            tables: CoreTables::new(spec, fidelity == Fidelity::Cycle),
+            tables: CoreTables::new(spec, exact),
             barrier_cycles: barrier_cycles(spec, &hierarchy.rings),
             hierarchy,
             cores: (0..spec.cores).map(|_| None).collect(),
@@ -123,7 +124,8 @@ impl Chip {
                 *sum += cycles;
             }
             let busy_cycles = core.stack.cycles()[Cause::Issue as usize];
-            self.activity[core.index] = CoreActivity { issued: core.issued, busy_cycles, arrival_cycles: core.arrival - start };
+            self.activity[core.index] =
+                CoreActivity { issued: core.issued, busy_cycles, arrival_cycles: core.arrival - start };
             step.report.paired += core.paired;
             step.report.issued += core.issued;
             let index = core.index;
@@ -178,6 +180,9 @@ impl Chip {
         for caches in &mut self.hierarchy.caches {
             report.l1d += std::mem::take(&mut caches.l1_counters);
             report.l2 += std::mem::take(&mut caches.l2_counters);
+        }
+        for counters in [&mut report.l1d, &mut report.l2] {
+            counters.accesses = counters.hits + counters.misses + counters.merged;
         }
         report.ring = self.hierarchy.rings.take_counters();
         report.directory = std::mem::take(&mut self.hierarchy.counters);

@@ -26,6 +26,8 @@ pub(crate) struct Hierarchy {
     pub(super) peers: Vec<u32>,
     pub(crate) counters: DirectoryCounters,
     pub(crate) atomics: AtomicCounters,
+    #[cfg(test)]
+    pub(super) fault: Option<super::Fault>,
 }
 
 /// What became of an access.
@@ -54,13 +56,14 @@ pub(super) struct L2Access {
 }
 
 impl Hierarchy {
-    pub(crate) fn new(spec: &MachineSpec) -> Hierarchy {
+    /// Cold and idle; with rings that know every slot (`exact`) or count them in windows.
+    pub(crate) fn new(spec: &MachineSpec, exact: bool) -> Hierarchy {
         Hierarchy {
             translates: spec.tlb.is_some() && !spec.ideal.memory,
             caches: (0..spec.cores).map(|_| CoreCaches::absent()).collect(),
             directory: Directory::default(),
             slices: vec![Slots::new(spec.directory_interval * 256); spec.cores as usize],
-            rings: Rings::new(spec),
+            rings: Rings::new(spec, exact),
             memory: Memory::new(&spec.memory),
             controller_stops: (0..spec.memory.controllers)
                 .map(|controller| {
@@ -71,6 +74,8 @@ impl Hierarchy {
             peers: Vec::new(),
             counters: DirectoryCounters::default(),
             atomics: AtomicCounters::default(),
+            #[cfg(test)]
+            fault: None,
             spec: spec.clone(),
         }
     }
@@ -94,7 +99,6 @@ impl Hierarchy {
             return Err(Some(slot));
         }
         caches.l1.touch(slot);
-        caches.l1_counters.accesses += 1;
         caches.l1_counters.hits += 1;
         Ok(())
     }
@@ -134,9 +138,7 @@ impl Hierarchy {
         let write = intent != Intent::Read;
         let (mut l1_slot, mut now) = (l1_slot, now);
         if self.spec.ideal.memory {
-            let caches = &mut self.caches[core];
-            caches.l1_counters.accesses += 1;
-            caches.l1_counters.hits += 1;
+            self.caches[core].l1_counters.hits += 1;
             return Ok(self.hit(now));
         }
 
@@ -160,15 +162,17 @@ impl Hierarchy {
             {
                 caches.l1.set_bits(slot, bits | if write { Tags::DIRTY } else { 0 });
                 caches.l1.touch(slot);
-                caches.l1_counters.accesses += 1;
                 caches.l1_counters.merged += 1;
                 let ready = mshr.fill.max(now + self.spec.l1d.hit_cycles);
                 return Ok(Access { ready, cause: mshr.cause, missed: true });
             }
-            caches.l1.set_bits(slot, bits & !Tags::PENDING);
+            let arrived = bits & !Tags::PENDING;
+            caches.l1.set_bits(slot, arrived);
             if may {
                 // It has arrived since.
-                assert!(self.l1_hit(core, line, write).is_ok(), "core {core} holds line {line:#x}");
+                caches.l1.set_bits(slot, arrived | if write { Tags::DIRTY } else { 0 });
+                caches.l1.touch(slot);
+                caches.l1_counters.hits += 1;
                 return Ok(self.hit(now));
             }
         }
@@ -176,9 +180,7 @@ impl Hierarchy {
         // A streaming store that is posted needs nothing of the L1, and nobody waits for it.
         if intent == Intent::Stream && l1_slot.is_none() && self.spec.core.posted_streaming_stores {
             self.l2_access(core, line, intent, now)?;
-            let caches = &mut self.caches[core];
-            caches.l1_counters.accesses += 1;
-            caches.l1_counters.misses += 1;
+            self.caches[core].l1_counters.misses += 1;
             return Ok(Access { ready: now + 1, cause: Cause::L1, missed: false });
         }
 
@@ -186,7 +188,6 @@ impl Hierarchy {
         let mshr = caches.l1_mshrs.free(now)?;
         let L2Access { ready, cause, owned, missed, .. } = self.l2_access(core, line, intent, now)?;
         let caches = &mut self.caches[core];
-        caches.l1_counters.accesses += 1;
         caches.l1_counters.misses += 1;
         caches.l1_mshrs.hold(mshr, line, ready, cause);
 
@@ -255,7 +256,6 @@ impl Hierarchy {
             let owned = State::from_bits(bits).is_owner();
             if intent == Intent::Read || owned {
                 caches.l2.touch(slot);
-                caches.l2_counters.accesses += 1;
                 if intent != Intent::Read {
                     caches.l2.set_bits(slot, bits | State::M as u8);
                 }
@@ -275,7 +275,6 @@ impl Hierarchy {
             }
         }
         let mshr = caches.l2_mshrs.free(now)?;
-        caches.l2_counters.accesses += 1;
         caches.l2_counters.misses += 1;
         // The L2 has to find out that it misses first.
         let access = self.transact(core, line, l2_slot, intent, now + hit_cycles);

@@ -82,37 +82,45 @@ impl Hierarchy {
         let before = record.sharers;
         let mut done = leaves;
         if actions.data == Source::Peer || actions.invalidate_others {
-            let supplier = before.nearest(me, &self.directory.pool);
-            let mut peers = std::mem::take(&mut self.peers);
-            if actions.invalidate_others {
-                before.for_each(&self.directory.pool, |peer| {
-                    if peer != me {
-                        peers.push(peer);
-                    }
-                });
-            } else {
-                peers.extend(supplier);
-            }
-            if actions.data == Source::Peer {
-                self.counters.forwards += 1;
-            }
-            for peer in &peers {
-                let supplies = actions.data == Source::Peer && Some(*peer) == supplier;
-                let asked = self.rings.send(home, *peer, Message::Address, leaves);
-                if actions.invalidate_others {
-                    self.counters.invalidations += 1;
-                    self.lose(*peer as usize, line);
-                } else {
-                    self.supply(*peer, line, asked);
+            let supplier = match before.owner() {
+                Some(owner) => Some(owner),
+                None => before.nearest(me, &self.directory.pool),
+            };
+            let supplier = supplier.filter(|_| actions.data == Source::Peer);
+            // An owner's L1 may be newer than its L2 and is looked into first.
+            let newer = if others == Others::Own { self.spec.l1d.hit_cycles } else { 0 };
+            self.counters.forwards += u64::from(supplier.is_some());
+            if !actions.invalidate_others {
+                let supplier = supplier.expect("only a peer's data are asked for without a loss");
+                let asked = self.rings.send(home, supplier, Message::Address, leaves);
+                self.supply(supplier, line, asked);
+                done = done.max(self.answer(supplier, me, true, asked + newer));
+            } else if let Some(few) = before.few() {
+                for peer in few.filter(|peer| *peer != me) {
+                    done = done.max(self.invalidate(
+                        peer,
+                        home,
+                        me,
+                        line,
+                        (supplier == Some(peer)).then_some(newer),
+                        leaves,
+                    ));
                 }
-                let message = if supplies { Message::Line } else { Message::Acknowledge };
-                // A supplier reads its L2, and looks into its L1 before if that may be newer; an acknowledgement leaves at once.
-                let newer = if others == Others::Own { self.spec.l1d.hit_cycles } else { 0 };
-                let answers = if supplies { asked + newer + self.spec.l2.hit_cycles } else { asked };
-                done = done.max(self.rings.send(*peer, me, message, answers));
+            } else {
+                let mut peers = std::mem::take(&mut self.peers);
+                before.for_each(&self.directory.pool, |peer| peers.push(peer));
+                for peer in peers.drain(..).filter(|peer| *peer != me) {
+                    done = done.max(self.invalidate(
+                        peer,
+                        home,
+                        me,
+                        line,
+                        (supplier == Some(peer)).then_some(newer),
+                        leaves,
+                    ));
+                }
+                self.peers = peers;
             }
-            peers.clear();
-            self.peers = peers;
         }
 
         // Memory, or the home's permission when no data are needed.
@@ -146,6 +154,34 @@ impl Hierarchy {
         L2Access { ready: done, cause, owned: next.is_owner(), missed: true, written_back }
     }
 
+    /// Has the copy of `peer` invalidated by `home` at `now`; returns when its answer is with `requester`: the line, after so
+    /// many cycles, if it `supplies` that.
+    #[inline(always)]
+    fn invalidate(
+        &mut self,
+        peer: u32,
+        home: u32,
+        requester: u32,
+        line: u32,
+        supplies: Option<Cycle>,
+        now: Cycle,
+    ) -> Cycle {
+        self.counters.invalidations += 1;
+        let asked = self.rings.send(home, peer, Message::Address, now);
+        self.lose(peer as usize, line);
+        self.answer(peer, requester, supplies.is_some(), asked + supplies.unwrap_or(0))
+    }
+
+    /// What `peer`, asked at `now`, sends: a supplier reads its L2, an acknowledgement leaves at once.
+    #[inline(always)]
+    fn answer(&mut self, peer: u32, requester: u32, supplies: bool, now: Cycle) -> Cycle {
+        if supplies {
+            self.rings.send(peer, requester, Message::Line, now + self.spec.l2.hit_cycles)
+        } else {
+            self.rings.send(peer, requester, Message::Acknowledge, now)
+        }
+    }
+
     /// Writes down who has the line now, and until when it is busy.
     fn note(
         &mut self,
@@ -156,6 +192,10 @@ impl Hierarchy {
         changes_owner: bool,
         done: Cycle,
     ) {
+        #[cfg(test)]
+        if self.fault == Some(super::Fault::ForgetReader) && !next.is_owner() {
+            return;
+        }
         let (record, pool) = self.directory.record(line);
         let Record { sharers, busy } = record;
         if next.is_owner() {
@@ -170,6 +210,10 @@ impl Hierarchy {
 
     /// A peer's copy is read by another core: it stays, shared, and memory gets what it does not have.
     fn supply(&mut self, peer: u32, line: u32, now: Cycle) {
+        #[cfg(test)]
+        if self.fault == Some(super::Fault::KeepOwner) {
+            return;
+        }
         let caches = &mut self.caches[peer as usize];
         let slot = caches.l2.find(line).expect("the directory knows every copy");
         let bits = caches.l2.bits(slot);
@@ -184,6 +228,10 @@ impl Hierarchy {
         }
         let (next, actions) = transition(state, Event::RemoteRead).expect("a copy can be read");
         caches.l2.set_bits(slot, bits & !Tags::STATE | next as u8);
+        #[cfg(test)]
+        if self.fault == Some(super::Fault::LoseSharedWrite) {
+            return;
+        }
         if actions.write_back {
             caches.l2_counters.writebacks += 1;
             self.write_back(peer, line, now);
@@ -192,6 +240,10 @@ impl Hierarchy {
 
     /// A core's copy is lost to a writer.
     fn lose(&mut self, peer: usize, line: u32) {
+        #[cfg(test)]
+        if self.fault == Some(super::Fault::KeepCopy) {
+            return;
+        }
         let caches = &mut self.caches[peer];
         let slot = caches.l2.find(line).expect("the directory knows every copy");
         let state = State::from_bits(caches.l2.bits(slot));
@@ -199,6 +251,10 @@ impl Hierarchy {
         assert_eq!(next, State::I);
         caches.l2.remove(slot);
         caches.l2_counters.invalidations += 1;
+        #[cfg(test)]
+        if self.fault == Some(super::Fault::KeepInL1) {
+            return;
+        }
         if let Some(l1) = caches.l1.find(line) {
             caches.l1.remove(l1);
             caches.l1_counters.invalidations += 1;
@@ -241,6 +297,12 @@ impl Hierarchy {
             caches.l2_counters.writebacks += 1;
         }
         // Nobody waits for the notice; it only takes slots.
+        #[cfg(test)]
+        let actions = match self.fault {
+            Some(super::Fault::ForgetEviction) => super::Actions { notify_home: false, ..actions },
+            Some(super::Fault::LoseWrite) => super::Actions { write_back: false, ..actions },
+            _ => actions,
+        };
         if actions.notify_home {
             let home = self.home_of(victim);
             self.rings.send(core as u32, home, Message::Address, now);

@@ -12,6 +12,7 @@
 //! Corner, where there are several for the short ones [chrysos12].
 
 mod belt;
+mod links;
 
 #[cfg(test)]
 mod tests;
@@ -20,6 +21,7 @@ use crate::Cycle;
 use crate::config::{MachineSpec, RingSpec};
 use crate::counters::RingCounters;
 use belt::Belt;
+use links::{Links, Ride};
 
 /// Bytes of a request or acknowledgement, for the counters.
 const SHORT_BYTES: u64 = 8;
@@ -35,7 +37,7 @@ pub(crate) enum Message {
     Line,
 }
 
-/// Which of a ring's belts a kind of message takes, in turns.
+/// Which tracks of a ring a kind of message takes, in turns.
 #[derive(Debug, Clone, Copy)]
 struct Lanes {
     first: usize,
@@ -54,18 +56,32 @@ struct Place {
 struct Loop {
     stops: u32,
     hop_cycles: u32,
-    /// `[lane][direction]`
-    belts: Vec<[Belt; 2]>,
+    tracks: Tracks,
+}
+
+/// How the slots of a ring are kept, by lane and direction.
+#[derive(Debug)]
+enum Tracks {
+    /// Every slot: `cycle`, and rings with too many stops for the other way.
+    Slots(Vec<Belt>),
+    /// How many in a window: `windowed`. From each stop to each other there is a way, row by row.
+    Counts { ways: Vec<CountedWay>, links: Vec<Links> },
 }
 
 /// The shortest way from a stop to another.
 #[derive(Debug, Clone, Copy)]
 struct Way {
     hops: u32,
-    /// 0 up, 1 down.
-    direction: u8,
-    /// Whether the other direction is as short: then cycles take turns.
-    both: bool,
+    /// 0 up, 1 down: in even cycles and in odd ones, which take turns where both ways are as short.
+    directions: [u8; 2],
+}
+
+/// The same where slots are counted.
+#[derive(Debug)]
+struct CountedWay {
+    way: Way,
+    ride_cycles: u32,
+    rides: [Ride; 2],
 }
 
 /// All rings.
@@ -78,24 +94,31 @@ pub(crate) struct Rings {
     bridge: Loop,
     /// Slots that a message takes, by kind.
     slots: [u32; 3],
-    /// Belts that it takes, by kind.
+    /// Tracks that it takes, by kind.
     lanes: [Lanes; 3],
     counters: RingCounters,
 }
 
 impl Loop {
-    fn new(stops: u32, hop_cycles: Cycle, lanes: u32) -> Loop {
+    fn new(stops: u32, hop_cycles: Cycle, lanes: u32, exact: bool) -> Loop {
         let hop_cycles = u32::try_from(hop_cycles).expect("validated: far below 2^32 cycles");
-        // Links are pipelined: between two stops there are as many slots as a hop has cycles.
-        let belt = || Belt::new(stops * hop_cycles);
-        Loop { stops, hop_cycles, belts: (0..lanes).map(|_| [belt(), belt()]).collect() }
-    }
-
-    #[inline(always)]
-    fn way(&self, from: u32, to: u32) -> Way {
-        let up = if to >= from { to - from } else { to + self.stops - from };
-        let down = self.stops - up;
-        Way { hops: up.min(down), direction: u8::from(down < up), both: up == down }
+        let tracks = if exact || stops > links::STOPS_MAX {
+            // Links are pipelined: between two stops there are as many slots as a hop has cycles.
+            Tracks::Slots((0..2 * lanes).map(|_| Belt::new(stops * hop_cycles)).collect())
+        } else {
+            let counted = |from: u32, to: u32| {
+                let way = way(stops, from, to);
+                // Link l joins stop l and the next.
+                let ride = |direction| match direction {
+                    0 => Ride::new(from, way.hops, stops),
+                    _ => Ride::new(from + stops - way.hops, way.hops, stops),
+                };
+                CountedWay { way, ride_cycles: way.hops * hop_cycles, rides: way.directions.map(ride) }
+            };
+            let ways = (0..stops).flat_map(|from| (0..stops).map(move |to| counted(from, to))).collect();
+            Tracks::Counts { ways, links: (0..2 * lanes).map(|_| Links::new()).collect() }
+        };
+        Loop { stops, hop_cycles, tracks }
     }
 
     /// Takes a message of `slots` slots of a lane from a stop to another; returns when it has arrived whole.
@@ -109,18 +132,32 @@ impl Loop {
         now: Cycle,
         counters: &mut RingCounters,
     ) -> Cycle {
-        let Way { hops, direction, both } = self.way(from, to);
-        if hops == 0 {
-            return now;
-        }
-        let direction = usize::from(direction) | usize::from(both) & now as usize;
-        let ride_cycles = hops * self.hop_cycles;
-        let belt = &mut self.belts[lane][direction];
-        let place = from * self.hop_cycles;
-        let mut board = belt.board(place, ride_cycles, direction, now);
-        for _ in 1..slots {
-            board = belt.board(place, ride_cycles, direction, board + 1);
-        }
+        let parity = (now & 1) as usize;
+        let (board, hops, ride_cycles) = match &mut self.tracks {
+            Tracks::Counts { ways, links } => {
+                let CountedWay { way, ride_cycles, rides } = &ways[(from * self.stops + to) as usize];
+                if way.hops == 0 {
+                    return now;
+                }
+                let links = &mut links[lane * 2 + usize::from(way.directions[parity])];
+                let board = links.take(rides[parity], slots, now) + u64::from(slots - 1);
+                (board, way.hops, *ride_cycles)
+            }
+            Tracks::Slots(belts) => {
+                let way = way(self.stops, from, to);
+                if way.hops == 0 {
+                    return now;
+                }
+                let direction = usize::from(way.directions[parity]);
+                let ride_cycles = way.hops * self.hop_cycles;
+                let belt = &mut belts[lane * 2 + direction];
+                let mut board = belt.board(from * self.hop_cycles, ride_cycles, direction, now);
+                for _ in 1..slots {
+                    board = belt.board(from * self.hop_cycles, ride_cycles, direction, board + 1);
+                }
+                (board, way.hops, ride_cycles)
+            }
+        };
         counters.slot_hops += u64::from(slots * hops);
         // All slots could be had one after the other from the first cycle on: the rest is waiting.
         counters.wait_cycles += board - now - u64::from(slots - 1);
@@ -128,8 +165,17 @@ impl Loop {
     }
 }
 
+/// The shortest way on a ring of `stops`.
+#[inline(always)]
+fn way(stops: u32, from: u32, to: u32) -> Way {
+    let up = if to >= from { to - from } else { to + stops - from };
+    let down = stops - up;
+    Way { hops: up.min(down), directions: [u8::from(down < up), u8::from(down <= up)] }
+}
+
 impl Rings {
-    pub(crate) fn new(spec: &MachineSpec) -> Rings {
+    /// Rings that know every slot (`exact`), or count them in windows where that is faster.
+    pub(crate) fn new(spec: &MachineSpec, exact: bool) -> Rings {
         let rings = spec.ring.rings;
         let size = |ring: u32| first_core(spec.cores, rings, ring + 1) - first_core(spec.cores, rings, ring);
         // One lane for lines, then those for addresses, then those for acknowledgements.
@@ -145,8 +191,8 @@ impl Rings {
         Rings {
             spec: spec.ring.clone(),
             places: (0..rings).flat_map(places).collect(),
-            rings: (0..rings).map(|ring| Loop::new(size(ring), spec.ring.hop_cycles, count)).collect(),
-            bridge: Loop::new(rings, spec.ring.crossing_cycles, count),
+            rings: (0..rings).map(|ring| Loop::new(size(ring), spec.ring.hop_cycles, count, exact)).collect(),
+            bridge: Loop::new(rings, spec.ring.crossing_cycles, count, exact),
             slots: [1, 1, spec.ring.line_slots],
             lanes,
             counters: RingCounters::default(),
@@ -196,7 +242,7 @@ impl Rings {
             Message::Address | Message::Acknowledge => 0,
             Message::Line => u64::from(self.spec.line_slots - 1),
         };
-        let leg = |on: &Loop, from, to| match on.way(from, to).hops {
+        let leg = |on: &Loop, from, to| match way(on.stops, from, to).hops {
             0 => 0,
             hops => u64::from(hops * on.hop_cycles) + tail,
         };

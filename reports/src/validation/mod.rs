@@ -1,7 +1,16 @@
 //! What `validate` found: rows of published and simulated figures.
 
+mod markdown;
+mod plots;
+
+#[cfg(test)]
+mod tests;
+
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::fmt::Write;
+
+pub use plots::{bandwidth_plot, latency_plot, scatter_plot};
 
 /// One published figure beside what the machine gives.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -75,6 +84,26 @@ pub struct Summary {
     pub must_pass: Errors,
 }
 
+/// How far the model is from measured machines: what every report carries, so that nobody reads its times without it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ModelError {
+    /// The machine that was validated; times of others rest on the same model with other parameters.
+    pub machine: String,
+    /// At which fidelity.
+    pub fidelity: String,
+    /// Published figures of high confidence that were compared.
+    pub rows: u32,
+    /// Of those, the ones within the range that their sources allow.
+    pub inside: u32,
+    /// Mean of their absolute errors, percent.
+    pub mean_error_percent: f64,
+    /// Greatest of them, percent.
+    pub worst_error_percent: f64,
+    /// Mean over the rows by which no parameter was chosen, percent.
+    pub held_out_mean_error_percent: f64,
+}
+
 impl Errors {
     fn of<'a>(rows: impl Iterator<Item = &'a Row>) -> Errors {
         let mut errors = Errors::default();
@@ -105,6 +134,21 @@ impl Validation {
             must_pass: Errors::of(rows.iter().filter(|row| row.must_pass)),
         };
         Validation { machine, fidelity, summary, rows }
+    }
+
+    /// What reports carry.
+    pub fn model_error(&self) -> ModelError {
+        let tenth = |percent: f64| (percent * 10.0).round() / 10.0;
+        let high = &self.summary.high;
+        ModelError {
+            machine: self.machine.clone(),
+            fidelity: self.fidelity.clone(),
+            rows: high.expressed,
+            inside: high.inside,
+            mean_error_percent: tenth(high.mean_error_percent),
+            worst_error_percent: tenth(high.worst_error_percent),
+            held_out_mean_error_percent: tenth(self.summary.high_held_out.mean_error_percent),
+        }
     }
 
     /// Rows that have to be met and are not.
