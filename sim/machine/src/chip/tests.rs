@@ -289,7 +289,11 @@ fn a_page_that_was_not_translated_costs_its_misses_once() {
     };
     let miss = spec.tlb.as_ref().expect("knc-5110p translates").first.miss_cycles;
     let issue = spec.core.issue_interval;
-    assert_eq!(cycles(knc, &[warm.clone()], 1, &probe), 2 * 24 + issue, "the page is still there");
+    assert_eq!(
+        cycles(knc, std::slice::from_ref(&warm), 1, &probe),
+        2 * 24 + issue,
+        "the page is still there"
+    );
     assert_eq!(cycles(knc, &[warm, far], 1, &probe), miss + 2 * 24 + issue, "64 other pages came between");
 }
 
