@@ -10,7 +10,7 @@ use lrbsim_isa::{Addr, Arena, Compare, Kernel, Ordering, Step, Vpu, math};
 
 use super::Frame;
 use super::layout::{BIN_CELLS, FACES, FaceGrid, Layout, OWN_TRIANGLE, PIXEL, POSITION, SLICES};
-use crate::columns::{Columns, lanes_below, lower};
+use crate::columns::{Columns, lanes_below, task_range};
 use crate::plane::Vec3;
 
 /// Receivers of a task.
@@ -174,16 +174,6 @@ fn write_tables(layout: &mut Layout, arena: &mut Arena) {
     }
 }
 
-/// First and end of task `task` of [`TASK`] receivers.
-#[inline(always)]
-fn range<V: Vpu>(v: &mut V, layout: &Layout, task: V::S32) -> (V::S32, V::S32) {
-    let size = v.s_imm(TASK as i32);
-    let first = v.s_mul(task, size);
-    let end = v.s_add(first, size);
-    let count = v.s_imm(layout.receiver_count as i32);
-    (first, lower(v, end, count))
-}
-
 #[inline(always)]
 fn load_positions<V: Vpu>(v: &mut V, columns: Columns, live: V::Mask, i: V::S32) -> Vec3<V> {
     let one = v.vset_f32(1.0);
@@ -230,7 +220,7 @@ impl Kernel for Bounds {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
         let layout = &self.layout;
-        let (mut i, end) = range(v, layout, task);
+        let (mut i, end) = task_range(v, task, TASK, layout.receiver_count);
         let step = v.s_imm(16);
         let words = v.s_imm((FACES * BOUND_WORDS) as i32);
         let table = v.s_mul(task, words);
@@ -328,7 +318,7 @@ impl Kernel for Count {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
         let layout = &self.layout;
-        let (mut i, end) = range(v, layout, task);
+        let (mut i, end) = task_range(v, task, TASK, layout.receiver_count);
         let step = v.s_imm(16);
         let one = v.vset_i32(1);
         let none = v.vset_i32(0);
@@ -403,7 +393,7 @@ impl Kernel for Scatter {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
         let layout = &self.layout;
-        let (mut i, end) = range(v, layout, task);
+        let (mut i, end) = task_range(v, task, TASK, layout.receiver_count);
         let step = v.s_imm(16);
         let one = v.vset_i32(1);
         let none = v.vset_i32(0);
