@@ -59,3 +59,13 @@ pub fn task_range<V: Vpu>(v: &mut V, task: V::S32, size: u32, count: u32) -> (V:
     let count = v.s_imm(count as i32);
     (first, lower(v, end, count))
 }
+
+/// Number of the lowest bit that is set in `bits`, which is cleared: the lanes of a mask one after the other.
+#[inline(always)]
+pub fn take_lane<V: Vpu>(v: &mut V, bits: &mut V::S32) -> V::S32 {
+    let one = v.s_imm(1);
+    let lane = v.s_tzcnt(*bits);
+    let rest = v.s_sub(*bits, one);
+    *bits = v.s_and(*bits, rest);
+    lane
+}

@@ -8,7 +8,7 @@ use lrbsim_isa::{Addr, Arena, Compare, Kernel, Ordering, Step, Vpu};
 use super::Frame;
 use super::layout::{CHILDREN, EDGE_WORDS, Layout};
 use super::touch::{Edge, FaceFrame, Touch, Triangle};
-use crate::columns::{lanes_below, task_range};
+use crate::columns::{lanes_below, take_lane, task_range};
 use crate::plane::{BACK, FACES_SHIFT, FRONT, TRIANGLE_WORDS};
 
 /// Triangles or edges of a task.
@@ -95,7 +95,6 @@ impl Bin {
         first_list: u32,
     ) {
         let layout = &self.layout;
-        let one = v.s_imm(1);
         let none = v.s_imm(0);
         let four = v.s_imm(4);
         let sixteen = v.s_imm(16);
@@ -114,9 +113,7 @@ impl Bin {
                 let touched = v.kand(touched, own);
                 let mut bits = v.kmov_to_scalar(touched);
                 while v.branch(Compare::NotEqual, bits, none) {
-                    let lane = v.s_tzcnt(bits);
-                    let rest = v.s_sub(bits, one);
-                    bits = v.s_and(bits, rest);
+                    let lane = take_lane(v, &mut bits);
                     let child = v.s_add(group, lane);
                     let bin = v.s_shl(child, four);
                     let (touched, _) = primitive.touch(v, layout.bins, bin);

@@ -14,7 +14,7 @@ use super::Frame;
 use super::bin::append;
 use super::layout::{EDGE_WORDS, FACES, Layout, SLICES};
 use super::touch::{Edge, FaceFrame, Touch, Triangle};
-use crate::columns::{Columns, lower, task_range};
+use crate::columns::{Columns, lower, take_lane, task_range};
 use crate::plane::TRIANGLE_WORDS;
 
 /// Primitives of a piece, as a power of two.
@@ -207,9 +207,7 @@ impl Raster {
             let (touched, _) = primitive.touch(v, layout.blocks, first_block);
             let mut bits = v.kmov_to_scalar(touched);
             while v.branch(Compare::NotEqual, bits, none) {
-                let lane = v.s_tzcnt(bits);
-                let rest = v.s_sub(bits, one);
-                bits = v.s_and(bits, rest);
+                let lane = take_lane(v, &mut bits);
                 let block = v.s_add(first_block, lane);
                 let cell = v.s_shl(block, four);
                 let (touched, start) = primitive.touch(v, layout.cells, cell);
