@@ -238,9 +238,8 @@ pub fn cell_vectors<V: Vpu>(v: &mut V, layout: &Layout, first_cell: V::S32) -> V
     let cell = v.vsplat(first_cell);
     let cell = v.viadd(cell, lane);
     let key = v.vsll(cell, two);
-    let before = Addr(layout.key_ends.0 - 4);
-    let first = v.vgather_i32_or(none, all, before, key);
-    let end = v.vgather_i32_or(none, all, before.plus(4 * u64::from(SLICES)), key);
+    let first = v.vgather_i32_or(none, all, layout.key_starts, key);
+    let end = v.vgather_i32_or(none, all, layout.key_starts.plus(4 * u64::from(SLICES)), key);
     let samples = v.visub(end, first);
     let samples = v.viadd(samples, fifteen);
     v.vsrl(samples, four)
