@@ -9,7 +9,7 @@ use super::Frame;
 use super::layout::{EDGE_WORDS, Layout};
 use super::soft::rounding_offset;
 use super::touch::{faces_of_edges, faces_of_triangles};
-use crate::columns::lanes_below;
+use crate::columns::{lanes_below, task_range};
 use crate::plane::{AWAY, FACES_SHIFT, RELATIVE_EPSILON, TRIANGLE_WORDS, Vec3, cross, dot, edge_normal, sub};
 
 /// Triangles or edges of a task.
@@ -64,16 +64,6 @@ pub fn records(frame: &mut Frame, _: &mut Arena) -> Step {
     }
 }
 
-/// First and end of task `task` of [`TASK`] out of `count` items.
-#[inline(always)]
-fn range<V: Vpu>(v: &mut V, task: V::S32, count: u32) -> (V::S32, V::S32) {
-    let size = v.s_imm(TASK as i32);
-    let first = v.s_mul(task, size);
-    let end = v.s_add(first, size);
-    let count = v.s_imm(count as i32);
-    (first, crate::columns::lower(v, end, count))
-}
-
 /// Positions of 16 vertices.
 #[inline(always)]
 fn positions<V: Vpu>(v: &mut V, layout: &Layout, live: V::Mask, vertex: V::I32) -> Vec3<V> {
@@ -90,7 +80,7 @@ impl Kernel for Triangles {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
         let layout = &self.layout;
-        let (mut i, end) = range(v, task, layout.triangle_count);
+        let (mut i, end) = task_range(v, task, TASK, layout.triangle_count);
         let step = v.s_imm(16);
         let lane = v.viota();
         let words = v.vset_i32(TRIANGLE_WORDS as i32);
@@ -220,7 +210,7 @@ impl Kernel for Weights {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
         let layout = &self.layout;
-        let (mut i, end) = range(v, task, layout.edge_count);
+        let (mut i, end) = task_range(v, task, TASK, layout.edge_count);
         let step = v.s_imm(16);
         let zero = v.vset_i32(0);
         let low_half = v.vset_i32(0xffff);
@@ -252,7 +242,7 @@ impl Kernel for Select {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
         let layout = &self.layout;
-        let (first, end) = range(v, task, layout.edge_count);
+        let (first, end) = task_range(v, task, TASK, layout.edge_count);
         let step = v.s_imm(16);
         let zero = v.vset_i32(0);
         let lane = v.viota();
@@ -294,7 +284,7 @@ impl Kernel for Records {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
         let layout = &self.layout;
-        let (mut i, end) = range(v, task, layout.silhouette_count);
+        let (mut i, end) = task_range(v, task, TASK, layout.silhouette_count);
         let step = v.s_imm(16);
         let lane = v.viota();
         let none = v.vset_i32(0);
