@@ -2,10 +2,11 @@
 
 use core::cell::Cell;
 
+use crate::arena::map_bytes;
 use crate::emit::Emit;
 use crate::lanes::{LANES, Lanes};
 use crate::spill;
-use crate::stream::Stream;
+use crate::stream::{Stream, TASK_UOPS_MAX};
 use crate::uop::{Class, DISTANCE_MAX, LINES_MAX, Uop};
 
 /// Id of the first uop of a task. More than [`DISTANCE_MAX`], so that id 0, a constant, is always too far back to name.
@@ -19,11 +20,8 @@ const RUN_UOPS_MAX: usize = 4096;
 /// Uops that there is room for from the start: what a task is meant to have at most.
 const IDS_AT_FIRST: usize = 64 << 10;
 
-/// Ids of a task at most: a thousand times what is meant.
-const IDS_MAX: usize = 1 << 26;
-
 /// No id is as high: the first branch past the last place of a task begins again.
-const ID_LIMIT: usize = IDS_MAX + RUN_UOPS_MAX;
+const ID_LIMIT: usize = TASK_UOPS_MAX + RUN_UOPS_MAX;
 
 /// Where one host thread records.
 ///
@@ -33,7 +31,7 @@ const ID_LIMIT: usize = IDS_MAX + RUN_UOPS_MAX;
 pub(crate) struct Buffers {
     /// Nothing before the first task.
     places: Option<Places>,
-    /// Ids of a task at most: [`IDS_MAX`] but in tests.
+    /// [`TASK_UOPS_MAX`] but in tests.
     ids_max: usize,
     /// The highest id of a task that is too long, whose uops are lost; 0 for all others.
     lost: usize,
@@ -68,7 +66,7 @@ impl Places {
         let ids = ids_end + RUN_UOPS_MAX;
         let lines = LINES_MAX * ids + LANES;
         let bytes = 4 * (ids + ids + lines) + ids;
-        let mut map = memmap2::MmapOptions::new().len(bytes).no_reserve_swap().map_anon().ok()?;
+        let mut map = map_bytes(bytes)?;
         let uops = map.as_mut_ptr().cast::<u32>();
         let last_reader = uops.wrapping_add(ids);
         let line_numbers = last_reader.wrapping_add(ids);
@@ -79,7 +77,7 @@ impl Places {
 
 impl Buffers {
     const fn new() -> Buffers {
-        Buffers { places: None, ids_max: IDS_MAX, lost: 0 }
+        Buffers { places: None, ids_max: TASK_UOPS_MAX, lost: 0 }
     }
 
     /// Runs `record` with this host thread's buffers. A task that panics loses them, so the next one finds clean ones.
@@ -253,7 +251,7 @@ impl<'a> Record<'a> {
                 )
             };
         } else {
-            self.run += 1;
+            self.run = self.run.wrapping_add(1);
             if self.run >= RUN_UOPS_MAX {
                 endless_run();
             }
