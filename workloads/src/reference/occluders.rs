@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-use super::hard::{hard_test, is_left};
+use super::hard::{greatest_t, hard_test, is_left};
 use super::segment::area_beyond;
 use crate::adjacency::{Adjacency, Counting, EdgeWeights, counts};
 use crate::eye::EyeView;
@@ -11,8 +11,6 @@ use crate::light::Light;
 use crate::mesh::Mesh;
 use crate::shadow_input::ShadowInput;
 
-/// A triangle nearer than this to the receiver, as a part of its distance from the light, does not shadow it.
-const SELF_SHADOW_EPS: f64 = 1e-5;
 /// Edges are clipped this far in front of the receiver, as a part of its distance from the light.
 const CLIP_EPS: f64 = 1e-6;
 
@@ -190,7 +188,7 @@ impl Occluders {
             if let Some(hit) = hard_test(v, face.index, p)
                 && hit.inside
                 && hit.t > 0.0
-                && hit.t < 1.0 - SELF_SHADOW_EPS
+                && hit.t < greatest_t(v)
             {
                 front += f64::from(face.front);
                 back += f64::from(face.back);
