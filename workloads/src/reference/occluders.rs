@@ -59,6 +59,10 @@ impl Projection {
         let (q0, q1) = (v0 - self.p, v1 - self.p);
         let (h0, h1) = (q0.dot(self.axis), q1.dot(self.axis));
         let (low, high) = (CLIP_EPS * self.distance, self.distance);
+        // In the plane of a disc that does not turn, but for rounding, the light is a line: no part of it to cover.
+        if high <= f64::EPSILON * self.p.length() {
+            return None;
+        }
         if (h0 <= low && h1 <= low) || (h0 >= high && h1 >= high) {
             return None;
         }
