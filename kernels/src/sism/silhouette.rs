@@ -10,7 +10,7 @@ use super::layout::{EDGE_WORDS, Layout};
 use super::soft::rounding_offset;
 use super::touch::{faces_of_edges, faces_of_triangles};
 use crate::columns::{lanes_below, task_range};
-use crate::plane::{AWAY, FACES_SHIFT, RELATIVE_EPSILON, TRIANGLE_WORDS, Vec3, cross, dot, edge_normal, sub};
+use crate::plane::{AWAY, FACES_SHIFT, TRIANGLE_WORDS, Vec3, cross, dot, edge_normal, plane_slack, sub};
 
 /// Triangles or edges of a task.
 const TASK: u32 = 256;
@@ -86,7 +86,6 @@ impl Kernel for Triangles {
         let words = v.vset_i32(TRIANGLE_WORDS as i32);
         let zero = v.vset_f32(0.0);
         let sign_bit = v.vset_i32(i32::MIN);
-        let farther = v.vset_f32(1.0 + RELATIVE_EPSILON);
         while v.branch(Compare::Less, i, end) {
             let live = lanes_below(v, i, end);
             let mut corner = |column| v.vload_i32(layout.triangles.column(column), i);
@@ -105,7 +104,8 @@ impl Kernel for Triangles {
             let mut outward = |x: V::F32| v.vsub_or(x, toward, zero, x);
             let outward = [outward(normal[0]), outward(normal[1]), outward(normal[2])];
             let distance = v.vabs(det);
-            let plane = v.vmul(distance, farther);
+            let slack = plane_slack(v, [a, b, c], normal);
+            let plane = v.vadd(distance, slack);
 
             // Layers by the facing; none for a triangle that is edge-on to the light.
             let layers = layers(v, corners[3], away, toward);
