@@ -196,8 +196,8 @@ fn refused(from: &str, to: &str, parts: &[&str]) {
 fn bad_studies_are_refused_with_place_and_remedy() {
     refused(
         "l2.capacity_bytes",
-        "l2.capacity",
-        &["no field `capacity`", "did you mean `capacity_bytes`?", "small.json:6:14"],
+        "l2.capacity_byte",
+        &["no field `capacity_byte`", "did you mean `capacity_bytes`?", "small.json:6:14"],
     );
     refused("\"cores\"", "\"coress\"", &["`coress` is no path", "did you mean `cores`?", "small.json:5:14"]);
     refused(

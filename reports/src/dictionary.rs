@@ -52,7 +52,7 @@ const UNITS: [(&str, &str); 32] = [
     ("*", "count"),
 ];
 
-/// Every number of a report, in the order of its fields.
+/// Every number of a report, in alphabetical order.
 pub fn entries() -> Vec<Entry> {
     let schema = schema_for!(RunReport);
     let root = schema.as_value();

@@ -112,9 +112,8 @@ pub(crate) fn run(args: &StudyArgs, out: &mut impl Write) -> Result<bool, Failur
         status.failed,
         status.seconds
     )?;
-    for path in paths {
-        writeln!(out, "wrote {}", path.display())?;
-    }
+    let page = target.join("report.html");
+    writeln!(out, "wrote {}, study.json and {} more files beside it", page.display(), paths.len() - 2)?;
     Ok(status.failed == 0)
 }
 

@@ -133,6 +133,11 @@ impl Data {
         all
     }
 
+    /// What is analyzed besides `y`: the phases, where one group leaves room for them.
+    fn parts(&self, y: &str, groups: usize) -> Vec<String> {
+        if groups == 1 { self.with_phases(y) } else { vec![y.to_owned()] }
+    }
+
     /// The rows in groups that differ in nothing but the axis `x`, with a name for each group; all in one where `x` is no
     /// axis but something that was measured.
     fn groups(&self, x: &str) -> Vec<(String, Vec<&Row>)> {
@@ -165,10 +170,7 @@ impl Data {
     }
 }
 
-/// Series and groups are named by what they measure and, where there are several groups, by which.
+/// Series are named by what they measure or, where there are several groups, by their group.
 fn named(what: &str, group: &str) -> String {
-    match (what, group) {
-        (what, "") => what.to_owned(),
-        (what, group) => format!("{what}, {group}"),
-    }
+    if group.is_empty() { what.to_owned() } else { group.to_owned() }
 }

@@ -15,7 +15,7 @@ pub(super) fn power_law(data: &Data, analysis: &Analysis) -> Finding {
     let mut series = Vec::new();
     let mut left_out = 0;
     for (group, rows) in &groups {
-        for (index, path) in data.with_phases(&y).iter().enumerate() {
+        for (index, path) in data.parts(&y, groups.len()).iter().enumerate() {
             let all = data.points(rows, &x, path);
             let points: Vec<(f64, f64)> = all.iter().copied().filter(|p| p.0 > 0.0 && p.1 > 0.0).collect();
             left_out += all.len() - points.len();

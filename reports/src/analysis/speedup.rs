@@ -9,31 +9,33 @@ use crate::study::Analysis;
 pub(super) fn speedup(data: &Data, analysis: &Analysis) -> Finding {
     let (x, y) = (data.x(analysis), data.y(analysis));
     let groups = data.groups(&x);
-    let paths = data.with_phases(&y);
-    let mut columns = vec!["part".to_owned(), x.clone()];
-    columns.extend([title(&y), "speedup".to_owned(), "efficiency".to_owned()]);
+    let paths = data.parts(&y, groups.len());
+    let mut columns = vec![x.clone(), title(&y), "speedup".to_owned(), "efficiency".to_owned()];
+    columns.extend(paths[1..].iter().map(|path| format!("{} speedup", without_unit(path))));
+    if groups.len() > 1 {
+        columns.insert(0, "of".to_owned());
+    }
     let mut sheet = Sheet { columns, rows: Vec::new() };
     let mut series = Vec::new();
     let mut ends = (f64::INFINITY, f64::NEG_INFINITY);
     for (group, rows) in &groups {
-        for (index, path) in paths.iter().enumerate() {
-            let points = data.points(rows, &x, path);
-            let Some(&(first_x, first_y)) = points.first() else { continue };
-            let label = title(path);
-            let name = named(label.strip_suffix(", ms").unwrap_or(&label), group);
-            let mut line = Vec::new();
-            for (at, value) in points.into_iter().filter(|point| point.1 > 0.0) {
-                let speedup = first_y / value;
-                let efficiency = speedup * first_x / at;
-                let mut row = vec![Cell::Text(name.clone()), Cell::Number(at), Cell::Number(value)];
-                row.extend([speedup, efficiency].map(Cell::Number));
-                sheet.rows.push(row);
-                line.push((at, speedup));
-                ends = (ends.0.min(at), ends.1.max(at));
+        let lines: Vec<Vec<(f64, f64)>> =
+            paths.iter().map(|path| relative(&data.points(rows, &x, path))).collect();
+        let Some(&(first_x, _)) = lines[0].first() else { continue };
+        for (&(at, value), &(_, speedup)) in
+            data.points(rows, &x, &y).iter().filter(|point| point.1 > 0.0).zip(&lines[0])
+        {
+            let mut row = [at, value, speedup, speedup * first_x / at].map(Cell::Number).to_vec();
+            let there = |line: &Vec<(f64, f64)>| line.iter().find(|point| point.0 == at).map(|point| point.1);
+            row.extend(lines[1..].iter().map(|line| Cell::maybe(there(line))));
+            if groups.len() > 1 {
+                row.insert(0, Cell::Text(group.clone()));
             }
-            if index == 0 || groups.len() == 1 {
-                series.push(Series { name, look: Look::Line, points: line });
-            }
+            sheet.rows.push(row);
+            ends = (ends.0.min(at), ends.1.max(at));
+        }
+        for (path, points) in paths.iter().zip(lines) {
+            series.push(Series { name: named(&without_unit(path), group), look: Look::Line, points });
         }
     }
     if ends.0 < ends.1 {
@@ -56,4 +58,15 @@ pub(super) fn speedup(data: &Data, analysis: &Analysis) -> Finding {
         plot: (!sheet.rows.is_empty()).then_some(Plot::Lines(plot)),
         sheet,
     }
+}
+
+/// Speedups over the first of `points`; where nothing was measured, 0 would be no time.
+fn relative(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    let first = points.first().map_or(0.0, |point| point.1);
+    points.iter().filter(|point| point.1 > 0.0).map(|(x, y)| (*x, first / y)).collect()
+}
+
+fn without_unit(path: &str) -> String {
+    let title = title(path);
+    title.strip_suffix(", ms").unwrap_or(&title).to_owned()
 }

@@ -50,15 +50,12 @@ fn plot(data: &Data, analysis: &Analysis, y: &str) -> Option<Plot> {
     let x = data.x(analysis);
     let groups = data.groups(&x);
     let mut series = Vec::new();
-    // The phases only where one group leaves room for them.
-    let paths = if groups.len() == 1 { data.with_phases(y) } else { vec![y.to_owned()] };
-    for path in &paths {
+    for path in &data.parts(y, groups.len()) {
         for (group, rows) in groups.iter().take(LINES_MAX) {
             let points = data.points(rows, &x, path);
             let what = title(path);
             let what = what.strip_suffix(", ms").unwrap_or(&what);
-            let name = if groups.len() == 1 { what.to_owned() } else { named("", group) };
-            series.push(Series { name: name.trim_start_matches(", ").to_owned(), look: Look::Line, points });
+            series.push(Series { name: named(what, group), look: Look::Line, points });
         }
     }
     series.retain(|line| !line.points.is_empty());

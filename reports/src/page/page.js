@@ -182,10 +182,10 @@ function configSection(report) {
   return section("Machine", note(say), changed.length ? table(head, changed) : null, element("details", {}, element("summary", {}, `all ${rows.length} numbers`), table(head, rows)));
 }
 
-function pictureSection(pictures) {
+function pictureSection(pictures, title = "Picture") {
   if (!pictures || pictures.length === 0) return null;
   const image = element("img", { alt: pictures[0].title, src: pictures[0].url });
-  const frame = element("div", { class: "picture", id: "picture" }, image);
+  const frame = element("div", { class: "picture" }, image);
   let zoom = 0;
   const size = () => { image.style.width = zoom === 0 ? "auto" : `${image.naturalWidth * zoom}px`; image.style.maxWidth = zoom === 0 ? "100%" : "none"; };
   const zooms = [0, 1, 2, 4, 8];
@@ -193,8 +193,8 @@ function pictureSection(pictures) {
   size();
   const which = pictures.length > 1 ? choice(pictures.map((picture) => picture.title), (index) => { image.src = pictures[index].url; image.alt = pictures[index].title; }) : null;
   const tools = choice(zooms.map((factor) => (factor === 0 ? "fit" : `${factor}\u00d7`)), (index) => { zoom = zooms[index]; size(); });
-  tools.id = "zoom";
-  return section("Picture", which, tools, frame);
+  tools.classList.add("zoom");
+  return section(title, which, tools, frame);
 }
 
 function provenanceSection(report) {
@@ -239,7 +239,7 @@ function framesSections(frames) {
   const ids = frames.frames[0].phases.map((phase) => phase.id);
   const rows = frames.frames.map((frame, index) => [index, frame.time, frame.ms, ...frame.phases.map((phase) => phase.ms), frame.mean_visibility]);
   return [note(`${frames.frames.length} frames of ${frames.scene} on ${frames.machine}; the worst is frame ${frames.worst_frame}.`),
-    timed ? section("Time of each frame", lineChart(frames.frames.map((frame) => frame.ms), "frame", "ms")) : null, pictureSection(data.pictures),
+    timed ? section("Time of each frame", lineChart(frames.frames.map((frame) => frame.ms), "frame", "ms")) : null, pictureSection(data.pictures, "All frames"),
     section("Frames", table(["frame", "time", "ms", ...ids, "mean visibility"], rows)),
     element("h2", {}, `The worst frame: ${frames.worst_frame}`), ...runSections(data.report, data.worst)].filter((part) => part !== null);
 }

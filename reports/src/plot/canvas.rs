@@ -13,8 +13,8 @@ pub const SIZE: (u32, u32) = (900, 520);
 /// Size of the letters.
 const LETTERS: f64 = 15.0;
 
-/// Okabe and Ito's colors, the darkest first; yellow is left out: it vanishes on paper.
-const PALETTE: [RGBColor; 7] = [
+/// Okabe and Ito's colors, the darkest first, and a gray; yellow is left out: it vanishes on paper.
+const PALETTE: [RGBColor; 8] = [
     RGBColor(0, 0, 0),
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
@@ -22,6 +22,7 @@ const PALETTE: [RGBColor; 7] = [
     RGBColor(204, 121, 167),
     RGBColor(86, 180, 233),
     RGBColor(230, 159, 0),
+    RGBColor(120, 120, 120),
 ];
 
 /// Lines that help the eye.

@@ -67,7 +67,8 @@ impl Lines {
 
         // Axes.
         canvas.words(&self.title, (left, 22.0), Anchor::Left, 1.15);
-        for (value, label) in x.ticks() {
+        let values = self.series.iter().flat_map(|series| &series.points).map(|point| point.0);
+        for (value, label) in x.ticks_at(values) {
             let at = left + x.place(value) * (right - left);
             canvas.line(&[(at, top), (at, bottom)], GRID, 1.0, false);
             canvas.words(&label, (at, bottom + 16.0), Anchor::Middle, 0.9);
@@ -100,10 +101,11 @@ impl Lines {
     }
 }
 
-/// A name that fits beside the plot.
+/// A name that fits beside the plot: its end tells more names apart than its start.
 pub(super) fn clipped(name: &str) -> String {
     if name.chars().count() <= NAME_MAX {
         return name.to_owned();
     }
-    name.chars().take(NAME_MAX - 1).chain(['…']).collect()
+    let skipped = name.chars().count() - (NAME_MAX - 1);
+    ['…'].into_iter().chain(name.chars().skip(skipped)).collect()
 }

@@ -5,6 +5,10 @@ use crate::sheet::short;
 /// Labels on an axis, about.
 const TICKS: f64 = 6.0;
 
+/// Values that are labels themselves, at most, and how far apart they must be.
+const VALUES_MAX: usize = 12;
+const APART: f64 = 0.06;
+
 /// One axis: linear, or logarithmic when all values are above 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Scale {
@@ -38,6 +42,18 @@ impl Scale {
         } else {
             (value - self.low) / (self.high - self.low)
         }
+    }
+
+    /// Where to label the axis: at the `values` themselves, if these are few and stand apart, else at round numbers.
+    pub fn ticks_at(&self, values: impl Iterator<Item = f64>) -> Vec<(f64, String)> {
+        let mut values: Vec<f64> = values.filter(|value| value.is_finite()).collect();
+        values.sort_by(f64::total_cmp);
+        values.dedup();
+        let apart = values.windows(2).all(|pair| self.place(pair[1]) - self.place(pair[0]) > APART);
+        if !apart || !(2..=VALUES_MAX).contains(&values.len()) {
+            return self.ticks();
+        }
+        values.into_iter().map(|value| (value, label(value))).collect()
     }
 
     /// Where to label the axis, and with what.
