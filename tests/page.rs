@@ -128,10 +128,10 @@ fn clicks_sort_zoom_and_switch_the_theme() {
 fn every_number_is_from_the_json() {
     let folder = Folder::new();
     let html = page_of_run(&folder);
-    // Numbers of the JSON as the page writes them; sums over phases; IPC and megabytes in their own form.
+    // Numbers and words of the JSON as the page writes them; sums over phases; IPC and megabytes in their own form.
     let script = r#"
         const known = new Set(["-"]), add = (number) => known.add(short(number)).add(String(number));
-        (function walk(value) { if (typeof value === "number") add(value); else if (value && typeof value === "object") Object.values(value).forEach(walk); })(data);
+        (function walk(value) { if (typeof value === "number") add(value); else if (typeof value === "string") known.add(value); else if (value && typeof value === "object") Object.values(value).forEach(walk); })(data);
         const phases = data.report.phases, sum = (pick) => add(phases.reduce((all, phase) => all + pick(phase), 0));
         for (const group of ["l1d", "l2", "ring", "directory", "memory", "atomics"]) for (const name of Object.keys(phases[0][group])) sum((phase) => phase[group][name]);
         sum((phase) => phase.instructions.total); sum((phase) => (phase.in_paper_total ? phase.instructions.total : 0));

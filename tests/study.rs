@@ -120,6 +120,31 @@ fn a_study_that_is_killed_goes_on_where_it_was() {
     assert_eq!(undisturbed.run(&["study", "small.json", "--json"]).ok().stdout(), printed);
 }
 
+#[cfg(unix)]
+#[test]
+fn an_interrupted_study_says_how_to_go_on() {
+    let folder = Folder::new();
+    // Long enough to be interrupted: its dear point is run first.
+    folder.write("long.json", &STUDY.replace("\"tiny\"", "\"saloon-small\", \"fidelity\": \"cycle\""));
+    let child = lrbsim()
+        .current_dir(folder.path(""))
+        .args(["study", "long.json", "-j", "1"])
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the binary starts");
+    std::thread::sleep(Duration::from_millis(1500));
+    let killed = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+    assert!(killed.expect("`kill` is there").success());
+    let output = child.wait_with_output().expect("it ends");
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(130), "{message}");
+    for part in
+        ["stopped with ", " of 8 points finished", "kept in out/cache", "`lrbsim study long.json` goes on"]
+    {
+        assert!(message.contains(part), "`{part}` is not in {message}");
+    }
+}
+
 #[test]
 fn two_studies_at_once_share_their_points() {
     let folder = Folder::new();
@@ -206,7 +231,7 @@ fn bad_studies_are_refused_with_place_and_remedy() {
         &["no field `radios`", "did you mean `radius`?", "small.json:5:14"],
     );
     refused("[1, 2, 4, 8]", "[]", &["the axis `cores` has no values", "at least one", "small.json:5:5"]);
-    refused("[1, 2, 4, 8]", "[1, \"many\"]", &["`cores` = \"many\"", "expected u32", "small.json:5:36"]);
+    refused("[1, 2, 4, 8]", "[1, \"many\"]", &["`cores` = \"many\"", "expected u32", "small.json:5:37"]);
     refused("\"tiny\"", "3", &["`base.scene`", "expected a string", "small.json:3:21"]);
     refused("\"pareto\"", "\"paretto\"", &["an analysis is one of", "\"pareto\"", "small.json:8:"]);
     refused("\"axes\"", "\"axis\"", &["unknown field `axis`", "`axes`"]);
