@@ -155,8 +155,9 @@ fn a_page_fits_a_narrow_window() {
         r#"{"name": "small", "base": {"scene": "tiny"}, "axes": [{"path": "cores", "values": [1, 2, 4]}], "analysis": ["speedup", "power_law"]}"#,
     );
     folder.run(&["study", "small.json", "-o", "study"]).ok();
+    folder.run(&["run", "saloon-orbit", "--frames", "2", "--size", "64x48", "-o", "moving"]).ok();
     let script = "return { page: document.documentElement.scrollWidth, window: innerWidth, sections: document.querySelectorAll('section').length };";
-    for html in [run, folder.path("study/report.html")] {
+    for html in [run, folder.path("study/report.html"), folder.path("moving/report.html")] {
         for width in [500, 1280] {
             let Some(found) = in_browser(&folder, &html, width, script) else { return };
             assert!(found["page"].as_u64() <= found["window"].as_u64(), "{} {found}", html.display());

@@ -81,7 +81,10 @@ fn a_study_leaves_tables_plots_and_its_results() {
 #[test]
 fn a_study_that_is_killed_goes_on_where_it_was() {
     let folder = Folder::new();
-    let cycle = STUDY.replace("\"scene\": \"tiny\"", "\"scene\": \"tiny\", \"fidelity\": \"cycle\"");
+    // As many points as ten kills leave unfinished on a quiet host.
+    let cycle = STUDY
+        .replace("\"scene\": \"tiny\"", "\"scene\": \"tiny\", \"fidelity\": \"cycle\"")
+        .replace("[1, 2, 4, 8]", "[1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16]");
     folder.write("small.json", &cycle);
     let cache = folder.path("out/cache");
     let mut kept: BTreeMap<String, SystemTime> = BTreeMap::new();
@@ -89,7 +92,7 @@ fn a_study_that_is_killed_goes_on_where_it_was() {
     for milliseconds in [3_u64, 390, 41, 170, 260, 90, 530, 12, 330, 210] {
         let mut child = lrbsim()
             .current_dir(folder.path(""))
-            .args(["study", "small.json", "-j", "2"])
+            .args(["study", "small.json", "-j", "1"])
             .stdout(Stdio::null())
             .stderr(Stdio::null())
             .spawn()
@@ -105,7 +108,7 @@ fn a_study_that_is_killed_goes_on_where_it_was() {
     }
     let printed = folder.run(&["study", "small.json", "--json"]).ok().stdout();
     let now = finished(&cache);
-    assert_eq!(now.len(), 8);
+    assert_eq!(now.len(), 32);
     assert!(kept.iter().all(|(name, time)| now.get(name) == Some(time)));
 
     // No broken file, and the results of a study that nobody killed.
@@ -234,6 +237,7 @@ fn bad_studies_are_refused_with_place_and_remedy() {
     refused("[1, 2, 4, 8]", "[1, \"many\"]", &["`cores` = \"many\"", "expected u32", "small.json:5:37"]);
     refused("\"tiny\"", "3", &["`base.scene`", "expected a string", "small.json:3:21"]);
     refused("\"pareto\"", "\"paretto\"", &["an analysis is one of", "\"pareto\"", "small.json:8:"]);
+    refused("\"tiny\"", "\"tinny\"", &["`tinny` is no scene", "did you mean `tiny`?", "small.json:3:11"]);
     refused("\"axes\"", "\"axis\"", &["unknown field `axis`", "`axes`"]);
     refused(
         "\"scene\": \"tiny\"",
@@ -257,7 +261,7 @@ fn a_million_points_are_asked_for_twice() {
     folder.run(&["study", "large.json"]).refused(&["the study has 1000000 points", "`--yes`", "random"]);
     let third = format!("{{\"path\": \"l2.ways\", \"values\": {many}}},\n    {{\"path\": \"cores\"");
     folder.write("huge.json", &study.replace("{\"path\": \"cores\"", &third));
-    folder.run(&["study", "huge.json", "--yes"]).refused(&["1000000000 points", "at most 10000000"]);
+    folder.run(&["study", "huge.json", "--yes"]).refused(&["1000000000 points", "at most 1000000"]);
 }
 
 #[test]

@@ -71,7 +71,7 @@ pub fn short(number: f64) -> String {
         return format!("{number}");
     }
     let magnitude = number.abs();
-    if magnitude >= 1e7 || magnitude < 1e-4 {
+    if !(1e-4..1e7).contains(&magnitude) {
         return format!("{number:.3e}");
     }
     let decimals = (0..=7).find(|d| magnitude * 10_f64.powi(*d) >= 999.95).unwrap_or(7);

@@ -6,7 +6,6 @@
 //! CACHE/ab/ab12….partial   being written, by the holder of the lock alone; what a killed one left is written over
 //! ```
 
-use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 
 use lrbsim_reports::RunReport;
@@ -19,6 +18,7 @@ use super::recipe::Recipe;
 use crate::error::BadInput;
 use crate::frame::{machine_hash, scene_hash};
 use crate::inputs::Machine;
+use crate::lock::Lock;
 
 /// Version of what the simulator's numbers mean. Raise it whenever the same inputs give other numbers: finished points of
 /// an older version are then run again. The test `results_that_change_raise_the_version` reminds of it.
@@ -43,7 +43,7 @@ pub struct Entry {
 /// The right to compute a point, until it is dropped. Whoever gets it looks the point up once more.
 pub struct Claim {
     file: PathBuf,
-    _lock: File,
+    _lock: Lock,
 }
 
 /// Hash of everything that determines a point, names included: they stand in its report.
@@ -101,12 +101,8 @@ impl Cache {
             BadInput::new(format!("cannot write to the cache `{}`: {error}", self.0.display()))
         };
         std::fs::create_dir_all(file.parent().expect("it lies in a folder")).map_err(cannot)?;
-        let lock = File::create(file.with_extension("lock")).map_err(cannot)?;
-        match lock.try_lock() {
-            Ok(()) => Ok(Some(Claim { file, _lock: lock })),
-            Err(TryLockError::WouldBlock) => Ok(None),
-            Err(TryLockError::Error(error)) => Err(cannot(error)),
-        }
+        let lock = Lock::try_now(&file.with_extension("lock")).map_err(cannot)?;
+        Ok(lock.map(|lock| Claim { file, _lock: lock }))
     }
 
     fn file(&self, key: &str) -> PathBuf {
@@ -119,8 +115,6 @@ impl Claim {
     pub fn finish(&self, entry: &Entry) -> Result<(), BadInput> {
         let text = serde_json::to_string(entry).expect("an entry has string keys");
         write_with_temporary(&self.file, &self.file.with_extension("partial"), text.as_bytes())?;
-        // Only now that the point is there: whoever gets a lock on this file without a name looks the point up first.
-        let _ = std::fs::remove_file(self.file.with_extension("lock"));
         Ok(())
     }
 }

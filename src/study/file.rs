@@ -20,7 +20,7 @@ const STUDIES: [(&str, &str); 2] = [
 pub(super) const POINTS_WITHOUT_YES: u64 = 10_000;
 
 /// Points at most: their list alone would fill the memory.
-pub(super) const POINTS_MAX: u64 = 10_000_000;
+pub(super) const POINTS_MAX: u64 = 1_000_000;
 
 /// Names of the shipped studies.
 pub fn builtin_study_names() -> Vec<&'static str> {
@@ -81,6 +81,9 @@ impl Study {
         let folder = path.as_deref().and_then(Path::parent).unwrap_or(Path::new("")).to_owned();
         let base = Recipe::of_base(&file.base, &folder).map_err(|bad| at(bad, "base", "this base"))?;
         base.try_names().map_err(|bad| at(bad, "base", "this base"))?;
+        if !file.axes.iter().any(|axis| axis.path == "scene") {
+            base.try_scene().map_err(|bad| at(bad, "base", "this base"))?;
+        }
         for (index, axis) in file.axes.iter().enumerate() {
             let values = points::examples(axis);
             for (number, value) in values.iter().enumerate() {
@@ -91,7 +94,13 @@ impl Study {
                 };
                 let path_place = format!("axes[{index}].path");
                 let mut recipe = base.clone();
-                recipe.set(&axis.path, value).map_err(|(bad, fault)| {
+                let set = recipe.set(&axis.path, value);
+                let tried = if axis.path == "scene" {
+                    set.and_then(|()| recipe.try_scene().map_err(|bad| (bad, Fault::Value)))
+                } else {
+                    set
+                };
+                tried.map_err(|(bad, fault)| {
                     let (place, label) = match fault {
                         Fault::Path => (&path_place, "no such path"),
                         Fault::Value => (&place, "this value"),
@@ -162,7 +171,7 @@ fn check_axes(file: &StudyFile, at: &dyn Fn(BadInput, &str, &str) -> BadInput) -
                     axis.draw,
                     lrbsim_reports::study::Draw::Log | lrbsim_reports::study::Draw::PowerOfTwo
                 );
-                if !(min <= max) || (positive && min <= 0.0) {
+                if min > max || (positive && min <= 0.0) {
                     let right = if positive { "0 < `min` <= `max`" } else { "`min` <= `max`" };
                     let bad = BadInput::new(format!(
                         "the axis `{path}` goes from {min} to {max}; it must be {right}"

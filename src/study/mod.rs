@@ -27,6 +27,7 @@ use lrbsim_reports::page;
 use lrbsim_reports::study::StudyReport;
 
 use crate::error::BadInput;
+use crate::lock::Lock;
 use crate::results::safe_name;
 
 /// Default folder of a study's results.
@@ -56,8 +57,7 @@ pub fn write(dir: &Path, study: &StudyReport) -> Result<Vec<PathBuf>, BadInput> 
     let cannot =
         |error: std::io::Error| BadInput::new(format!("cannot write to `{}`: {error}", dir.display()));
     std::fs::create_dir_all(dir).map_err(cannot)?;
-    let lock = std::fs::File::create(dir.join(".lock")).map_err(cannot)?;
-    lock.lock().map_err(cannot)?;
+    let _lock = Lock::wait(&dir.join(".lock")).map_err(cannot)?;
     let mut files = drawings(study);
     files.push(("study.json".to_owned(), study.to_json().into_bytes()));
     let mut paths = Vec::new();
@@ -66,7 +66,5 @@ pub fn write(dir: &Path, study: &StudyReport) -> Result<Vec<PathBuf>, BadInput> 
         write_with_temporary(&path, &dir.join(format!(".{name}.partial")), &bytes)?;
         paths.push(path);
     }
-    // Whoever waits for the lock holds the file, not its name.
-    let _ = std::fs::remove_file(dir.join(".lock"));
     Ok(paths)
 }

@@ -76,6 +76,11 @@ impl Recipe {
         Ok(())
     }
 
+    /// Tries the scene, as far as can be without making its triangles.
+    pub fn try_scene(&self) -> Result<(), BadInput> {
+        inputs::check_scene_settings(&self.scene_name(), &self.scene_settings).map_err(|(bad, _)| bad)
+    }
+
     /// Sets what `path` names, and checks path and type.
     pub fn set(&mut self, path: &str, value: &Value) -> Result<(), Refusal> {
         let said = format!("`{path}` = {value}");

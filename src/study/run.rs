@@ -269,6 +269,11 @@ struct State {
 }
 
 impl State {
+    /// Whether a point of this size may run too. One runs always: there is no better moment for it.
+    fn has_room(&self, memory: u64, budget: u64) -> bool {
+        self.running == 0 || self.memory.saturating_add(memory) <= budget
+    }
+
     fn over(&self) -> bool {
         self.running == 0 && (self.waiting.is_empty() || self.fatal.is_some())
     }
@@ -396,10 +401,7 @@ impl<'a> Crew<'a> {
                 return None;
             }
             let job = |index: usize| self.plans[index].as_ref().expect("only points that can be run wait");
-            // One point runs always: there is no better moment for it.
-            let fits = |index: &usize| {
-                state.running == 0 || state.memory.saturating_add(job(*index).memory) <= self.memory_budget
-            };
+            let fits = |index: &usize| state.has_room(job(*index).memory, self.memory_budget);
             if let Some(place) = state.waiting.iter().position(fits) {
                 let index = state.waiting.remove(place).expect("it was found there");
                 state.running += 1;
@@ -438,4 +440,35 @@ enum Outcome {
     Found(Box<Entry>),
     Computed(Box<Entry>),
     Failed(String),
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_run_together_only_as_far_as_they_fit() {
+        let mut state = State {
+            waiting: VecDeque::new(),
+            running: 0,
+            memory: 0,
+            outcomes: Vec::new(),
+            forecast: Forecast::new(std::iter::empty()),
+            points: 0,
+            found: 0,
+            computed: 0,
+            failed: 0,
+            fatal: None,
+        };
+        assert!(state.has_room(1000, 100), "one runs, however large");
+        (state.running, state.memory) = (1, 60);
+        assert!(state.has_room(40, 100) && !state.has_room(41, 100) && !state.has_room(u64::MAX, 100));
+    }
+
+    #[test]
+    fn what_a_panic_says_is_kept() {
+        assert_eq!(said(&"plain"), "plain");
+        assert_eq!(said(&String::from("made")), "made");
+        assert_eq!(said(&3), "it does not say why");
+    }
 }

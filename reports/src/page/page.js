@@ -119,7 +119,7 @@ function coresSection(report) {
   const phases = report.phases.filter((phase) => phase.core_busy_cycles);
   if (phases.length === 0) return null;
   const rows = phases.map((phase) => ({ name: phase.title, values: phase.core_busy_cycles.map((busy) => ratio(busy, phase.cycles) || 0) }));
-  return section("Cores", strips(rows, "core"), note("Part of a phase's cycles in which a core issued: white none, blue all."));
+  return section("Cores", strips(rows, "core"), note("Part of a phase's cycles in which a core issued: the more of it, the stronger the blue."));
 }
 
 function memorySection(report) {
@@ -166,12 +166,20 @@ function flatten(tree, path = "", rows = []) {
   return rows;
 }
 
+// Numbers of the machine that are not those of the shipped one of its name.
+function changes(report) {
+  const preset = data.presets[report.machine.name];
+  const before = new Map(flatten(preset));
+  return preset === undefined ? [] : flatten(report.machine).filter(([path, value]) => JSON.stringify(before.get(path)) !== JSON.stringify(value));
+}
+
 function configSection(report) {
   const preset = data.presets[report.machine.name];
   const before = new Map(flatten(preset));
   const sources = report.machine.sources && Object.keys(report.machine.sources).length ? report.machine.sources : preset?.sources || {};
+  const changedPaths = new Set(changes(report).map(([path]) => path));
   const rows = flatten(report.machine).map(([path, value]) => {
-    const differs = preset !== undefined && JSON.stringify(before.get(path)) !== JSON.stringify(value);
+    const differs = changedPaths.has(path);
     const row = [path, String(value), preset === undefined ? "-" : differs ? String(before.get(path)) : "same", differs ? "set for this run" : sources[path] || ""];
     if (differs) row.className = "differs";
     return row;
@@ -208,9 +216,10 @@ function validationSection(report) {
 }
 
 function runSections(report, pictures) {
-  const total = report.total, scene = report.scene;
+  const total = report.total, scene = report.scene, changed = changes(report);
   return [
     note(`${report.provenance.algorithm}, ${report.provenance.fidelity}, ${scene.width} \u00d7 ${scene.height} pixels, ${grouped(scene.triangles)} triangles, ${grouped(scene.silhouette_edges)} silhouette edges, ${report.machine.cores} cores at ${report.machine.clock_ghz} GHz`),
+    changed.length ? note(`Differs from the shipped ${report.machine.name}: ${changed.map(([path, value]) => `${path} ${value}`).join(", ")}.`) : null,
     figures([["milliseconds a frame", total.ms === null ? null : short(total.ms)], ["frames a second", total.fps === null ? null : short(total.fps)],
       ["ms of the paper's phases", total.paper_ms === null ? null : short(total.paper_ms)], ["mean visibility", report.image.mean_visibility === null ? null : short(report.image.mean_visibility)], ["receivers in penumbra", grouped(report.image.penumbra_receivers)]]),
     phaseTable(report), pictureSection(pictures), stackSection(report), coresSection(report), ...lanesSection(report), rooflineSection(report), memorySection(report), configSection(report), validationSection(report), provenanceSection(report),

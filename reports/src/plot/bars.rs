@@ -39,7 +39,8 @@ impl Bars {
     pub(super) fn draw<B: DrawingBackend>(&self, canvas: &Canvas<'_, B>) {
         let (left, top, right, bottom) = FRAME;
         let bars = &self.bars[..self.bars.len().min(BARS_MAX)];
-        let ends = bars.iter().flat_map(|bar| [bar.from, bar.to]).chain([0.0]);
+        // Some room for the numbers beside the bars.
+        let ends = bars.iter().flat_map(|bar| [bar.from, bar.to]).map(|end| end * 1.15).chain([0.0]);
         let scale = Scale::of(ends, false);
         let place = |value: f64| left + scale.place(value) * (right - left);
 

@@ -102,7 +102,7 @@ impl Track {
             Track::Orbit { axis, .. } if *axis == DVec3::ZERO || far(axis) => {
                 Some(("axis", axis.to_string(), "a direction"))
             }
-            Track::Orbit { degrees, .. } if !(degrees.abs() <= 1e6) => {
+            Track::Orbit { degrees, .. } if degrees.is_nan() || degrees.abs() > 1e6 => {
                 Some(("degrees", degrees.to_string(), "from -1e6 to 1e6"))
             }
             Track::Orbit { .. } => None,
