@@ -39,6 +39,11 @@ impl Engine {
         Engine { chip, simd, host_threads }
     }
 
+    /// Cycles in which each core issued in the last step, by core; `None` when nothing is timed.
+    pub fn core_busy_cycles(&self) -> Option<impl Iterator<Item = u64>> {
+        self.chip.as_ref().map(|chip| chip.activity().iter().map(|core| core.busy_cycles))
+    }
+
     /// Runs all tasks of `step` and the barrier that ends it.
     pub fn run(
         &mut self,

@@ -127,6 +127,8 @@ fn on_host_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> 
 /// What a program left behind.
 struct Simulated {
     phases: Vec<(PhaseName<'static>, PhaseCounters)>,
+    /// Of each phase: cycles in which each core issued; `None` when nothing is timed.
+    core_busy_cycles: Vec<Option<Vec<u64>>>,
     /// One value a receiver.
     visibility: Vec<f32>,
     silhouette_edges: u64,
@@ -143,9 +145,10 @@ fn simulate(
         Algorithm::Sism => {
             let options = sism::Options { form: sism::Form::Exact };
             let mut program = sism::program(input, &options, &mut arena);
-            let phases = run_program(&mut program, &mut arena, engine, progress)?;
+            let (phases, core_busy_cycles) = run_program(&mut program, &mut arena, engine, progress)?;
             Ok(Simulated {
                 phases,
+                core_busy_cycles,
                 visibility: program.state.visibility(&arena),
                 silhouette_edges: program.state.silhouette_edges(&arena),
             })
@@ -153,16 +156,20 @@ fn simulate(
     }
 }
 
+/// Counters of each phase, and of each phase the cycles in which each core issued.
+type PhaseCosts = (Vec<(PhaseName<'static>, PhaseCounters)>, Vec<Option<Vec<u64>>>);
+
 /// Runs all steps of a program, phase by phase.
 fn run_program<S>(
     program: &mut Program<S>,
     arena: &mut Arena,
     engine: &mut Engine,
     progress: &dyn Progress,
-) -> Result<Vec<(PhaseName<'static>, PhaseCounters)>, BadInput> {
-    let mut rows = Vec::new();
+) -> Result<PhaseCosts, BadInput> {
+    let (mut rows, mut busy_rows) = (Vec::new(), Vec::new());
     for phase in &program.phases {
         let mut sum = PhaseCounters::default();
+        let mut busy = engine.core_busy_cycles().map(|cores| vec![0; cores.count()]);
         for make_step in &phase.steps {
             let step = make_step(&mut program.state, arena);
             arena.check().map_err(no_memory)?;
@@ -170,13 +177,17 @@ fn run_program<S>(
             let cost = engine.run(&step, arena, progress)?;
             progress.uops(cost.issued);
             sum += cost;
+            if let (Some(busy), Some(cores)) = (&mut busy, engine.core_busy_cycles()) {
+                busy.iter_mut().zip(cores).for_each(|(sum, cycles)| *sum += cycles);
+            }
         }
         let name = PhaseName { id: phase.id, title: phase.title, in_paper_total: phase.in_paper_total };
         rows.push((name, sum));
+        busy_rows.push(busy);
     }
     let untimed = arena.host_reads_in_task();
     assert!(untimed == 0, "tasks read the arena {untimed} times past the Vpu: work that nobody timed");
-    Ok(rows)
+    Ok((rows, busy_rows))
 }
 
 /// A host that is too small for the frame.
@@ -195,7 +206,10 @@ fn report(request: &RunRequest, eye: &EyeView, simulated: &Simulated, frame: &Fr
         found => found,
     };
     let clock = Clock { clock_ghz: machine.config.clock_ghz, cores: machine.config.cores };
-    let phases = phase_reports(&simulated.phases, timed.then_some(clock));
+    let mut phases = phase_reports(&simulated.phases, timed.then_some(clock));
+    for (phase, busy) in phases.iter_mut().zip(&simulated.core_busy_cycles) {
+        phase.core_busy_cycles.clone_from(busy);
+    }
     RunReport {
         schema_version: SCHEMA_VERSION,
         provenance: Provenance {
@@ -224,14 +238,14 @@ fn report(request: &RunRequest, eye: &EyeView, simulated: &Simulated, frame: &Fr
 }
 
 /// Names a machine by every number that timing depends on; where the numbers are from does not matter.
-fn machine_hash(machine: &Machine) -> String {
+pub(crate) fn machine_hash(machine: &Machine) -> String {
     let mut config = machine.config.clone();
     config.sources.clear();
     picture::sha256(serde_json::to_string(&config).expect("a configuration has string keys").as_bytes())
 }
 
 /// Names a scene by what is in it: triangles, camera, picture size and light.
-fn scene_hash(scene: &Scene) -> String {
+pub(crate) fn scene_hash(scene: &Scene) -> String {
     let view = serde_json::json!({"camera": scene.camera, "image": scene.image, "light": scene.light});
     let mut bytes = view.to_string().into_bytes();
     bytes.extend(scene.mesh.positions.iter().flat_map(|p| p.to_array()).flat_map(f64::to_le_bytes));
