@@ -1,7 +1,7 @@
 //! One frame, from a scene and a machine to a report and a picture.
 
 use lrbsim_isa::host::HostSimd;
-use lrbsim_isa::{Arena, Program};
+use lrbsim_isa::{Arena, ArenaError, Program};
 use lrbsim_kernels::sism;
 use lrbsim_machine::{Fidelity, PhaseCounters};
 use lrbsim_reports::counters::{Clock, PhaseName, phase_reports};
@@ -94,10 +94,10 @@ pub fn run_frame(request: &RunRequest, progress: &dyn Progress) -> Result<RunOut
     // The kernels, on the machine.
     let simulation = Stopwatch::start();
     let mut engine = Engine::new(&machine.spec, *fidelity, host.simd, host.threads);
-    let mut simulated = simulate(request.algorithm, &input, &mut engine, progress);
+    let mut simulated = simulate(request.algorithm, &input, &mut engine, progress)?;
     for _ in 0..request.warm_frames {
         // Again from the start, with every array where it was: only the chip remembers.
-        simulated = simulate(request.algorithm, &input, &mut engine, progress);
+        simulated = simulate(request.algorithm, &input, &mut engine, progress)?;
     }
     let simulation_seconds = simulation.elapsed().as_secs_f64();
 
@@ -127,6 +127,8 @@ fn on_host_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> 
 /// What a program left behind.
 struct Simulated {
     phases: Vec<(PhaseName<'static>, PhaseCounters)>,
+    /// Of each phase: cycles in which each core issued; `None` when nothing is timed.
+    core_busy_cycles: Vec<Option<Vec<u64>>>,
     /// One value a receiver.
     visibility: Vec<f32>,
     silhouette_edges: u64,
@@ -137,21 +139,25 @@ fn simulate(
     input: &ShadowInput,
     engine: &mut Engine,
     progress: &dyn Progress,
-) -> Simulated {
-    let mut arena = Arena::new();
+) -> Result<Simulated, BadInput> {
+    let mut arena = Arena::reserve().map_err(no_memory)?;
     match algorithm {
         Algorithm::Sism => {
             let options = sism::Options { form: sism::Form::Exact };
             let mut program = sism::program(input, &options, &mut arena);
-            let phases = run_program(&mut program, &mut arena, engine, progress);
-            Simulated {
+            let (phases, core_busy_cycles) = run_program(&mut program, &mut arena, engine, progress)?;
+            Ok(Simulated {
                 phases,
+                core_busy_cycles,
                 visibility: program.state.visibility(&arena),
                 silhouette_edges: program.state.silhouette_edges(&arena),
-            }
+            })
         }
     }
 }
+
+/// Counters of each phase, and of each phase the cycles in which each core issued.
+type PhaseCosts = (Vec<(PhaseName<'static>, PhaseCounters)>, Vec<Option<Vec<u64>>>);
 
 /// Runs all steps of a program, phase by phase.
 fn run_program<S>(
@@ -159,23 +165,36 @@ fn run_program<S>(
     arena: &mut Arena,
     engine: &mut Engine,
     progress: &dyn Progress,
-) -> Vec<(PhaseName<'static>, PhaseCounters)> {
-    let mut rows = Vec::new();
+) -> Result<PhaseCosts, BadInput> {
+    let (mut rows, mut busy_rows) = (Vec::new(), Vec::new());
     for phase in &program.phases {
         let mut sum = PhaseCounters::default();
+        let mut busy = engine.core_busy_cycles().map(|cores| vec![0; cores.count()]);
         for make_step in &phase.steps {
             let step = make_step(&mut program.state, arena);
+            arena.check().map_err(no_memory)?;
             progress.step(phase.title, step.tasks);
-            let cost = engine.run(&step, arena, progress);
+            let cost = engine.run(&step, arena, progress)?;
             progress.uops(cost.issued);
             sum += cost;
+            if let (Some(busy), Some(cores)) = (&mut busy, engine.core_busy_cycles()) {
+                busy.iter_mut().zip(cores).for_each(|(sum, cycles)| *sum += cycles);
+            }
         }
         let name = PhaseName { id: phase.id, title: phase.title, in_paper_total: phase.in_paper_total };
         rows.push((name, sum));
+        busy_rows.push(busy);
     }
     let untimed = arena.host_reads_in_task();
     assert!(untimed == 0, "tasks read the arena {untimed} times past the Vpu: work that nobody timed");
-    rows
+    Ok((rows, busy_rows))
+}
+
+/// A host that is too small for the frame.
+fn no_memory(error: ArenaError) -> BadInput {
+    BadInput::new(error.to_string()).with_help(
+        "a smaller image or mesh needs less; so does a host that limits the address space less (`ulimit -v`)",
+    )
 }
 
 fn report(request: &RunRequest, eye: &EyeView, simulated: &Simulated, frame: &Frame) -> RunReport {
@@ -187,7 +206,10 @@ fn report(request: &RunRequest, eye: &EyeView, simulated: &Simulated, frame: &Fr
         found => found,
     };
     let clock = Clock { clock_ghz: machine.config.clock_ghz, cores: machine.config.cores };
-    let phases = phase_reports(&simulated.phases, timed.then_some(clock));
+    let mut phases = phase_reports(&simulated.phases, timed.then_some(clock));
+    for (phase, busy) in phases.iter_mut().zip(&simulated.core_busy_cycles) {
+        phase.core_busy_cycles.clone_from(busy);
+    }
     RunReport {
         schema_version: SCHEMA_VERSION,
         provenance: Provenance {
@@ -217,14 +239,14 @@ fn report(request: &RunRequest, eye: &EyeView, simulated: &Simulated, frame: &Fr
 }
 
 /// Names a machine by every number that timing depends on; where the numbers are from does not matter.
-fn machine_hash(machine: &Machine) -> String {
+pub(crate) fn machine_hash(machine: &Machine) -> String {
     let mut config = machine.config.clone();
     config.sources.clear();
     picture::sha256(serde_json::to_string(&config).expect("a configuration has string keys").as_bytes())
 }
 
 /// Names a scene by what is in it: triangles, camera, picture size and light.
-fn scene_hash(scene: &Scene) -> String {
+pub(crate) fn scene_hash(scene: &Scene) -> String {
     let view = serde_json::json!({"camera": scene.camera, "image": scene.image, "light": scene.light});
     let mut bytes = view.to_string().into_bytes();
     bytes.extend(scene.mesh.positions.iter().flat_map(|p| p.to_array()).flat_map(f64::to_le_bytes));

@@ -2,15 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::error::BadInput;
+use crate::json::{self, Spots};
+use crate::settings::{self, Setting, distance};
 use lrbsim_machine::{MachineConfig, MachineSpec, builtin_machine, builtin_machine_names};
 use lrbsim_workloads::scene::{
     builtin_names, builtin_scene, model_names, parse_scene, validate, validate_light_size,
 };
 use lrbsim_workloads::{Scene, SceneError, SceneFile, load_scene};
-use serde_json::Value;
-
-use crate::error::BadInput;
-use crate::json::{self, Spots};
 
 /// A machine that was checked.
 #[derive(Debug, Clone)]
@@ -19,30 +18,6 @@ pub struct Machine {
     pub config: MachineConfig,
     /// The same in the units of timing.
     pub spec: MachineSpec,
-}
-
-/// A change to a machine, from `--set PATH=VALUE`.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Setting {
-    /// Path from the machine's root, such as `l2.capacity_bytes`.
-    pub path: String,
-    /// The new value.
-    pub value: Value,
-}
-
-impl std::str::FromStr for Setting {
-    type Err = BadInput;
-
-    fn from_str(text: &str) -> Result<Setting, BadInput> {
-        let Some((path, value)) = text.split_once('=') else {
-            return Err(BadInput::new(format!(
-                "`--set {text}` has no `=`; it must be PATH=VALUE, such as cores=8"
-            )));
-        };
-        // What is not JSON is a string: names need no quotes.
-        let value = serde_json::from_str(value).unwrap_or_else(|_| Value::String(value.to_owned()));
-        Ok(Setting { path: path.trim().to_owned(), value })
-    }
 }
 
 impl Machine {
@@ -67,6 +42,12 @@ impl Machine {
         Ok(Machine { config, spec })
     }
 
+    /// `machine` with further `settings`, which must name fields and have their types; whether the machine is sound is not
+    /// checked.
+    pub(crate) fn apply_settings(machine: &Machine, settings: &[Setting]) -> Result<MachineConfig, BadInput> {
+        apply(&machine.config, settings)
+    }
+
     /// Reads the machine in the text of `file` and applies `settings` in order.
     pub fn from_text(file: &str, text: &str, settings: &[Setting]) -> Result<Machine, BadInput> {
         let mut config: MachineConfig = json::read(file, text)?;
@@ -76,7 +57,7 @@ impl Machine {
         let spec = config.validate().map_err(|error| {
             let mut bad = BadInput::new(error.to_string());
             if let Some(setting) = settings.iter().rfind(|setting| setting.path == error.path) {
-                return bad.with_help(format!("it was set by `--set {}={}`", setting.path, setting.value));
+                return bad.with_help(format!("it was set by {}", setting.said));
             }
             if let Some(span) = Spots::of(text).value(&error.path) {
                 bad = bad.at(file, text, span, format!("must be {}", error.expected));
@@ -89,83 +70,27 @@ impl Machine {
 
 /// `config` with all `settings`; what they set is no longer from the machine's sources.
 fn apply(config: &MachineConfig, settings: &[Setting]) -> Result<MachineConfig, BadInput> {
-    let mut tree = serde_json::to_value(config).expect("a configuration has string keys");
-    for setting in settings {
-        *leaf(&mut tree, setting)? = setting.value.clone();
-    }
-    let mut config: MachineConfig = serde_path_to_error::deserialize(tree).map_err(|error| {
-        let path = error.path().to_string();
-        BadInput::new(format!("`--set {path}`: {}", error.inner()))
-    })?;
-    for setting in settings {
-        config.sources.insert(setting.path.clone(), "assumed: set for this run".to_owned());
-    }
+    // Sources say where the file's numbers come from; they are no parameter.
+    let mut bare = config.clone();
+    let mut sources = std::mem::take(&mut bare.sources);
+    let mut tree = serde_json::to_value(bare).expect("a configuration has string keys");
+    tree.as_object_mut().expect("a configuration is an object").remove("sources");
+    settings::apply(&mut tree, settings, "a machine")?;
+    tree["sources"] = serde_json::json!({});
+    let mut config: MachineConfig = settings::read_back(tree, settings)?;
+    sources.extend(settings.iter().map(|s| (s.path.clone(), "assumed: set for this run".to_owned())));
+    config.sources = sources;
     Ok(config)
 }
 
-/// The number, flag or name that `setting` changes.
-fn leaf<'a>(tree: &'a mut Value, setting: &Setting) -> Result<&'a mut Value, BadInput> {
-    let mut place = tree;
-    let mut parent = String::new();
-    for name in setting.path.split('.') {
-        let Value::Object(members) = place else {
-            return Err(BadInput::new(format!("`--set {}`: `{parent}` has no fields", setting.path)));
-        };
-        // Sources say where the file's numbers come from; they are no parameter.
-        let known: Vec<String> =
-            members.keys().filter(|key| !(parent.is_empty() && *key == "sources")).cloned().collect();
-        let Some(member) = members.get_mut(name).filter(|_| known.iter().any(|key| key == name)) else {
-            let at = if parent.is_empty() { "a machine".to_owned() } else { format!("`{parent}`") };
-            return Err(BadInput::new(format!("`--set {}`: {at} has no field `{name}`", setting.path))
-                .with_help(nearest_first(name, &known)));
-        };
-        place = member;
-        parent = if parent.is_empty() { name.to_owned() } else { format!("{parent}.{name}") };
-    }
-    if let Value::Object(members) = place {
-        let fields: Vec<String> = members.keys().map(|key| format!("{}.{key}", setting.path)).collect();
-        return Err(BadInput::new(format!("`--set {}` names a group of fields, not one", setting.path))
-            .with_help(format!("fields: {}", fields.join(", "))));
-    }
-    Ok(place)
-}
-
-/// The valid names, those most like `name` first.
-fn nearest_first(name: &str, known: &[String]) -> String {
-    let mut names: Vec<&String> = known.iter().collect();
-    names.sort_by_cached_key(|candidate| distance(name, candidate));
-    match names.first() {
-        Some(nearest) if distance(name, nearest) <= name.len().div_ceil(3).max(1) => {
-            let rest: Vec<&str> = names.iter().map(|name| name.as_str()).collect();
-            format!("did you mean `{nearest}`? fields: {}", rest.join(", "))
-        }
-        _ => format!("fields: {}", known.join(", ")),
-    }
-}
-
-/// Levenshtein's distance in bytes.
-fn distance(a: &str, b: &str) -> usize {
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, x) in a.bytes().enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for (j, y) in b.bytes().enumerate() {
-            let substituted = diagonal + usize::from(x != y);
-            diagonal = row[j + 1];
-            row[j + 1] = substituted.min(diagonal + 1).min(row[j] + 1);
-        }
-    }
-    row[b.len()]
-}
-
-fn looks_like_file(name: &str, extension: &str) -> bool {
+pub(crate) fn looks_like_file(name: &str, extension: &str) -> bool {
     let path = Path::new(name);
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension))
         || name.contains(['/', '\\'])
         || path.is_file()
 }
 
-fn unknown_name(name: &str, what: &str, files: &str, known: &[&str]) -> BadInput {
+pub(crate) fn unknown_name(name: &str, what: &str, files: &str, known: &[&str]) -> BadInput {
     let message = format!("`{name}` is no {what}; it must be {files} or one of: {}", known.join(", "));
     let bad = BadInput::new(message);
     match known.iter().min_by_key(|candidate| distance(name, candidate)) {
@@ -196,6 +121,77 @@ pub fn scene(name: &str) -> Result<Scene, BadInput> {
     let stem = path.file_stem().map_or_else(|| name.to_owned(), |stem| stem.to_string_lossy().into_owned());
     parse_scene(&text, &stem, path.parent().unwrap_or(Path::new("")))
         .map_err(|error| bad_scene(name, Some(&text), &error))
+}
+
+/// Loads a scene as [`scene`] does and applies `settings` in order: fields of its scene file, such as `light.radius`.
+///
+/// A model has no scene file: its camera, picture size and light can be set.
+pub fn scene_with(name: &str, settings: &[Setting]) -> Result<Scene, BadInput> {
+    let mut scene = scene(name)?;
+    if settings.is_empty() {
+        return Ok(scene);
+    }
+    let before = scene_file(name, &scene)?;
+    let mut tree = serde_json::to_value(&before).expect("a scene has string keys");
+    settings::apply(&mut tree, settings, "a scene")?;
+    let file: SceneFile = settings::read_back(tree, settings)?;
+    let said = || settings.iter().map(|setting| setting.said.as_str()).collect::<Vec<_>>().join(", ");
+    let unsound =
+        |error: SceneError| BadInput::new(error.to_string()).with_help(format!("set by {}", said()));
+    if file.mesh != before.mesh {
+        let text = serde_json::to_string(&file).expect("a scene has string keys");
+        let folder = Path::new(name).parent().unwrap_or(Path::new(""));
+        return parse_scene(&text, &scene.name, folder).map_err(unsound);
+    }
+    validate(&file).and_then(|()| validate_light_size(&file.light, &scene.mesh)).map_err(unsound)?;
+    (scene.camera, scene.image, scene.light, scene.motion) =
+        (file.camera, file.image, file.light, file.motion);
+    Ok(scene)
+}
+
+/// Checks `settings` of the scene `name` without making its triangles. With an error comes whether all paths were found.
+pub(crate) fn check_scene_settings(name: &str, settings: &[Setting]) -> Result<(), (BadInput, bool)> {
+    // What is wrong with the scene itself is not the fault of a path.
+    let file = match scene_file_text(name).map_err(|bad| (bad, true))? {
+        Some(text) => json::read(name, &text).map_err(|bad| (bad, true))?,
+        None => scene(name).map(|scene| file_of_model(&scene)).map_err(|bad| (bad, true))?,
+    };
+    let mut tree = serde_json::to_value::<SceneFile>(file).expect("a scene has string keys");
+    settings::apply(&mut tree, settings, "a scene").map_err(|bad| (bad, false))?;
+    let file: SceneFile = settings::read_back(tree, settings).map_err(|bad| (bad, true))?;
+    validate(&file).map_err(|error| (BadInput::new(error.to_string()), true))
+}
+
+/// The scene file of a scene; for a model, the one that would give the same view of it.
+fn scene_file(name: &str, scene: &Scene) -> Result<SceneFile, BadInput> {
+    match scene_file_text(name)? {
+        Some(text) => json::read(name, &text),
+        None => Ok(file_of_model(scene)),
+    }
+}
+
+/// Text of the scene file `name`; `None` for a model.
+fn scene_file_text(name: &str) -> Result<Option<String>, BadInput> {
+    if let Some(text) = builtin_scene(name) {
+        return Ok(Some(text.to_owned()));
+    }
+    if !Path::new(name).extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json")) {
+        return Ok(None);
+    }
+    let text =
+        std::fs::read_to_string(name).map_err(|error| BadInput::unreadable(Path::new(name), &error))?;
+    Ok(Some(text))
+}
+
+/// The scene file that would give the same view of a model.
+fn file_of_model(scene: &Scene) -> SceneFile {
+    SceneFile {
+        mesh: lrbsim_workloads::MeshSource::Path(scene.source.clone()),
+        camera: scene.camera,
+        image: scene.image,
+        light: scene.light,
+        motion: scene.motion.clone(),
+    }
 }
 
 /// The files that `scene` was read from when it was asked for as `name`.
@@ -235,6 +231,18 @@ fn bad_scene(file: &str, text: Option<&str>, error: &SceneError) -> BadInput {
     }
 }
 
+/// The scene at `time`, from 0 to 1; `asked` is who asks for it.
+pub fn at_time(scene: &Scene, time: f64, asked: &str) -> Result<Scene, BadInput> {
+    if scene.motion.is_none() {
+        return Err(BadInput::new(format!("{asked}: nothing moves in `{}`", scene.name))
+            .with_help("a scene with `motion` is needed, such as saloon-orbit; see `lrbsim schema scene`"));
+    }
+    if !(0.0..=1.0).contains(&time) {
+        return Err(BadInput::new(format!("{asked}: the time is {time}; it must be from 0 to 1")));
+    }
+    scene.at(time).map_err(|error| BadInput::new(format!("{asked}: at time {time}: {error}")))
+}
+
 /// Sets the size of the picture.
 pub fn resize(scene: &mut Scene, width: u32, height: u32) -> Result<(), BadInput> {
     scene.image.width = width;
@@ -253,12 +261,7 @@ pub fn set_light_radius(scene: &mut Scene, radius: f64) -> Result<(), BadInput> 
 }
 
 fn recheck(scene: &Scene, option: &str) -> Result<(), BadInput> {
-    let file = SceneFile {
-        mesh: lrbsim_workloads::MeshSource::Path(scene.source.clone()),
-        camera: scene.camera,
-        image: scene.image,
-        light: scene.light,
-    };
+    let file = file_of_model(scene);
     validate(&file)
         .and_then(|()| validate_light_size(&scene.light, &scene.mesh))
         .map_err(|error| BadInput::new(format!("`{option}`: {error}")))
@@ -331,10 +334,5 @@ mod tests {
             miette::Diagnostic::help(&error).expect("a hint").to_string(),
             "did you mean `larrabee-24`?"
         );
-    }
-
-    #[test]
-    fn distances_count_changes() {
-        assert_eq!((distance("cores", "cores"), distance("cors", "cores"), distance("abc", "")), (0, 1, 3));
     }
 }

@@ -34,7 +34,7 @@ impl Spots {
     }
 
     /// Bytes of the key at `path`.
-    fn key(&self, path: &str) -> Option<Range<usize>> {
+    pub fn key(&self, path: &str) -> Option<Range<usize>> {
         self.0.iter().find(|spot| spot.path == path).map(|spot| spot.key.clone())
     }
 

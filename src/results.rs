@@ -39,10 +39,12 @@ pub fn spare_inputs<N: AsRef<Path>>(dir: &Path, names: &[N], inputs: &[PathBuf])
 
 /// Default folder of a run: `out/<scene>-<machine>-<algorithm>`.
 pub fn default_dir(scene: &str, machine: &str, algorithm: Algorithm) -> PathBuf {
-    let name = format!("{scene}-{machine}-{}", algorithm.name());
-    // Names come from files and may hold anything.
-    let safe = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' };
-    Path::new("out").join(name.chars().map(safe).collect::<String>())
+    Path::new("out").join(safe_name(&format!("{scene}-{machine}-{}", algorithm.name())))
+}
+
+/// `name` as a file may be called: names come from files and may hold anything.
+pub fn safe_name(name: &str) -> String {
+    name.chars().map(|c| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' }).collect()
 }
 
 /// Puts all files of a run in place, `report.json` last, and tells their paths.
@@ -52,6 +54,12 @@ pub fn write(
     scene: &Scene,
     dump: bool,
 ) -> Result<Vec<PathBuf>, BadInput> {
+    stage(&mut dir, output, scene, dump)?;
+    Ok(dir.commit()?)
+}
+
+/// Stages all files of a run, `report.json` last.
+pub fn stage(dir: &mut ResultDir, output: &RunOutput, scene: &Scene, dump: bool) -> Result<(), BadInput> {
     let frame = &output.frame;
     let (width, height) = (frame.width, frame.height);
     dir.stage("image.png", &picture::shaded_png(width, height, &frame.visibility, &frame.cosine))?;
@@ -67,7 +75,7 @@ pub fn write(
     }
     dir.stage("host.json", output.host.to_json().as_bytes())?;
     dir.stage("report.json", output.report.to_json().as_bytes())?;
-    Ok(dir.commit()?)
+    Ok(())
 }
 
 #[cfg(test)]

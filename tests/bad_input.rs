@@ -114,7 +114,7 @@ fn a_cache_without_whole_sets_is_refused() {
 fn a_setting_of_nothing_is_refused() {
     let folder = Folder::new();
     refused(&folder, &["tiny", "--set", "l2.way=4"], &["`l2` has no field `way`", "did you mean `ways`?"]);
-    refused(&folder, &["tiny", "--set", "cores=lots"], &["`--set cores`", "expected u32"]);
+    refused(&folder, &["tiny", "--set", "cores=lots"], &["`--set cores=lots`", "expected u32"]);
     refused(&folder, &["tiny", "--set", "cores"], &["has no `=`"]);
     refused(&folder, &["tiny", "--set", "name="], &["`name` is empty; it must be"]);
 }

@@ -91,6 +91,8 @@ fn the_cycle_stack_adds_up_in_every_phase() {
             let stack = phase.cycle_stack.expect("timed").total();
             let cycles = phase.cycles.expect("timed");
             assert_eq!(stack, cycles * u64::from(report.machine.cores), "{}, {fidelity}", phase.id);
+            let busy: u64 = phase.core_busy_cycles.iter().flatten().sum();
+            assert_eq!(Some(busy), phase.cycle_stack.map(|stack| stack.issue), "{}, {fidelity}", phase.id);
         }
     }
 }

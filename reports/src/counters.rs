@@ -54,6 +54,7 @@ fn phase_report(
         instructions,
         lanes: Lanes { active: counters.lanes_active, masked: counters.lanes_masked },
         paired_core_cycles: clock.map(|_| counters.paired),
+        core_busy_cycles: None,
         cycle_stack: clock.map(|_| counters.cycle_stack),
         l1d: clock.map(|_| counters.l1d),
         l2: clock.map(|_| counters.l2),

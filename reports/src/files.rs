@@ -36,6 +36,16 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
     })
 }
 
+/// Writes `bytes` to `path` through `temporary`, a file beside it that only one process writes to at a time: what a killed
+/// process left there is written over.
+pub fn write_with_temporary(path: &Path, temporary: &Path, bytes: &[u8]) -> Result<(), FileError> {
+    let written = write_whole(temporary, bytes).and_then(|()| fs::rename(temporary, path));
+    written.map_err(|error| {
+        let _ = fs::remove_file(temporary);
+        FileError::new("cannot write", path, error)
+    })
+}
+
 fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let mut file = fs::File::create(path)?;
     file.write_all(bytes)?;

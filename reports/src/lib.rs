@@ -3,6 +3,8 @@
 //! ```text
 //! RunReport ─► report.json        the whole result; everything else is drawn from it
 //!           └► table              terminal text, as Table 2 of Johnson et al. 2009
+//! StudyReport ─► study.json     everything that came out of a study
+//!           └► analysis         tables and plots of it
 //! picture   ─► image.png, visibility.png, the hash that names a picture
 //! npy       ─► dumps
 //! Validation ─► rows of published and simulated figures
@@ -11,16 +13,27 @@
 //!
 //! Nothing here runs a simulation, and nothing but [`files`] touches the file system.
 
+pub mod analysis;
+pub mod animation;
+pub mod base64;
+pub mod compare;
 pub mod counters;
+pub mod dictionary;
 pub mod files;
+pub mod frames;
 #[cfg(test)]
 mod golden;
 pub mod host;
+pub mod metric;
 pub mod npy;
+pub mod page;
 pub mod picture;
+pub mod plot;
 pub mod run;
 #[cfg(test)]
 mod sample;
+pub mod sheet;
+pub mod study;
 pub mod table;
 pub mod validation;
 

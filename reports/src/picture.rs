@@ -52,6 +52,14 @@ pub(crate) fn canonical(value: f32) -> f32 {
 /// # Panics
 /// When a slice has not `width * height` values.
 pub fn shaded_png(width: u32, height: u32, visibility: &[f32], cosine: &[f32]) -> Vec<u8> {
+    rgb_png(width, height, &shaded_rgb(width, height, visibility, cosine))
+}
+
+/// The pixels of [`shaded_png`]: red, green and blue, 8 bits each.
+///
+/// # Panics
+/// When a slice has not `width * height` values.
+pub fn shaded_rgb(width: u32, height: u32, visibility: &[f32], cosine: &[f32]) -> Vec<u8> {
     assert_eq!((visibility.len(), cosine.len()), (pixels(width, height), pixels(width, height)));
     let mut rgb = Vec::with_capacity(3 * visibility.len());
     for (index, (lit, cosine)) in visibility.iter().zip(cosine).enumerate() {
@@ -67,7 +75,7 @@ pub fn shaded_png(width: u32, height: u32, visibility: &[f32], cosine: &[f32]) -
             rgb.extend([gray, gray, gray]);
         }
     }
-    png(width, height, &rgb, image::ExtendedColorType::Rgb8)
+    rgb
 }
 
 /// Visibility alone, linear: 0 umbra is black, 1 lit is white; black where nothing was hit.
@@ -79,6 +87,15 @@ pub fn visibility_png(width: u32, height: u32, visibility: &[f32]) -> Vec<u8> {
     let gray: Vec<u8> =
         visibility.iter().map(|value| quantize(if value.is_nan() { 0.0 } else { *value })).collect();
     png(width, height, &gray, image::ExtendedColorType::L8)
+}
+
+/// Red, green and blue, 8 bits each, as a PNG.
+///
+/// # Panics
+/// When the slice has not `3 * width * height` values.
+pub fn rgb_png(width: u32, height: u32, rgb: &[u8]) -> Vec<u8> {
+    assert_eq!(rgb.len(), 3 * pixels(width, height));
+    png(width, height, rgb, image::ExtendedColorType::Rgb8)
 }
 
 fn pixels(width: u32, height: u32) -> usize {

@@ -108,6 +108,9 @@ pub struct PhaseReport {
     pub lanes: Lanes,
     /// Core-cycles in which two instructions issued.
     pub paired_core_cycles: Option<u64>,
+    /// Cycles in which each core issued, by core; they add up to the `issue` of the cycle stack.
+    #[serde(default)]
+    pub core_busy_cycles: Option<Vec<u64>>,
     /// Core-cycles by what they were spent on; they add up to `cycles` times the number of cores.
     pub cycle_stack: Option<CycleStack>,
     /// First-level data caches of all cores.

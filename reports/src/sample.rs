@@ -35,6 +35,7 @@ fn phase(id: &str, title: &str, in_paper_total: bool, cycles: u64) -> PhaseRepor
         ipc: Some(3.0 / 24.0),
         lanes: Lanes { active: cycles * 24, masked: cycles * 8 },
         paired_core_cycles: Some(cycles),
+        core_busy_cycles: Some(vec![cycles, cycles / 2, cycles * 3 / 2]),
         cycle_stack: Some(CycleStack {
             issue: cycles * 3,
             memory: cycles * 16,
@@ -124,6 +125,7 @@ pub(crate) fn functional() -> RunReport {
         phase.directory = None;
         phase.atomics = None;
         phase.paired_core_cycles = None;
+        phase.core_busy_cycles = None;
     }
     report.total = Total::of_phases(&report.phases, 1.0);
     report

@@ -1,11 +1,15 @@
 //! Commands and their options. What they do stands in the library; here is only how it is asked for and shown.
 
+mod compare;
 mod machine;
 mod progress;
+mod report;
 mod run;
 mod scene;
 mod schema;
+mod study;
 mod validate;
+mod verify;
 
 use std::io::{self, Write};
 use std::process::ExitCode;
@@ -13,8 +17,9 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 use lrbsim::BadInput;
 
-/// Exit code of a check that failed.
+/// Exit code for a check that failed: a comparison, a validation, a verification, or a study with points that have no result.
 const CHECK_FAILED: u8 = 1;
+
 /// Exit code for bad input.
 const BAD_INPUT: u8 = 2;
 
@@ -30,6 +35,14 @@ struct Cli {
 enum Command {
     /// Run one frame: a timing table, report.json and a picture.
     Run(Box<run::RunArgs>),
+    /// Run a study: many points, a table, plots and a page.
+    Study(study::StudyArgs),
+    /// Compare two runs or two studies: what changed, by phase and cause.
+    Compare(compare::CompareArgs),
+    /// Draw report.html, tables and plots of earlier results again, without a simulation.
+    Report(report::ReportArgs),
+    /// Run published results again and check them bit for bit.
+    Verify(verify::VerifyArgs),
     /// Look at machines.
     #[command(subcommand)]
     Machine(machine::MachineCommand),
@@ -66,12 +79,16 @@ pub(crate) fn main() -> ExitCode {
     let out = &mut io::stdout().lock();
     let done = match cli.command {
         Command::Run(args) => run::run(&args, out).map(|()| true),
+        Command::Study(args) => study::run(&args, out),
+        Command::Compare(args) => compare::run(&args, out),
+        Command::Report(args) => report::run(&args, out).map(|()| true),
+        Command::Validate(args) => validate::run(&args, out),
+        Command::Verify(args) => verify::run(&args, out),
         Command::Machine(command) => machine::run(&command, out).map(|()| true),
         Command::Scene(command) => scene::run(&command, out).map(|()| true),
-        Command::Validate(args) => validate::run(&args, out),
         Command::Schema(args) => schema::run(&args, out).map(|()| true),
     };
-    match done.and_then(|passed| out.flush().map(|()| passed).map_err(Failure::from)) {
+    match done.and_then(|passed| Ok(out.flush().map(|()| passed)?)) {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::from(CHECK_FAILED),
         // Whoever read the output has seen enough, as `head` does.

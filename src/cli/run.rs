@@ -5,7 +5,9 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use clap::Args;
-use lrbsim::{Algorithm, BadInput, HostOptions, Machine, RunRequest, Setting, inputs, results, run_frame};
+use lrbsim::{
+    Algorithm, BadInput, HostOptions, Machine, RunRequest, Setting, frames, inputs, results, run_frame,
+};
 use lrbsim_isa::host::HostSimd;
 use lrbsim_machine::Fidelity;
 use lrbsim_reports::files::ResultDir;
@@ -56,6 +58,14 @@ pub(crate) struct RunArgs {
     #[arg(long, value_name = "N", default_value_t = 0)]
     warm_frames: u32,
 
+    /// Run so many frames of a scene that moves, from its time 0 to its time 1.
+    #[arg(long, value_name = "N", conflicts_with_all = ["time", "dump"])]
+    frames: Option<u32>,
+
+    /// Run the frame at this time of a scene that moves, from 0 to 1.
+    #[arg(long, value_name = "T", allow_negative_numbers = true)]
+    time: Option<f64>,
+
     /// Folder for the results [default: out/<scene>-<machine>-<algorithm>].
     #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -87,17 +97,25 @@ pub(crate) fn run(args: &RunArgs, out: &mut impl Write) -> Result<(), Failure> {
     if let Some(radius) = args.light_radius {
         inputs::set_light_radius(&mut scene, radius)?;
     }
+    if let Some(time) = args.time {
+        scene = inputs::at_time(&scene, time, "`--time`")?;
+    }
     let target = match &args.out {
         Some(target) => target.clone(),
         None => results::default_dir(&scene.name, &machine.config.name, algorithm),
     };
     let mut files_read = inputs::scene_files(&args.scene, &scene);
     files_read.extend(inputs::machine_file(&args.machine));
-    results::spare_inputs(&target, &results::names(args.dump), &files_read)?;
+    let mut names = results::names(args.dump);
+    names.extend(args.frames.iter().flat_map(|_| frames::FILES));
+    results::spare_inputs(&target, &names, &files_read)?;
     let dir = ResultDir::open(&target)
         .map_err(|error| BadInput::from(error).with_help("`-o` must name a folder that can be written"))?;
 
     let request = RunRequest { scene, machine, algorithm, fidelity, warm_frames: args.warm_frames, host };
+    if let Some(frames) = args.frames {
+        return run_moving(&request, frames, dir, &bar, args.json, out);
+    }
     let output = run_frame(&request, &bar)?;
     bar.finish();
 
@@ -113,6 +131,33 @@ pub(crate) fn run(args: &RunArgs, out: &mut impl Write) -> Result<(), Failure> {
         output.host.seconds,
         output.host.simulated_instructions_per_second / 1e6
     )?;
+    for path in paths {
+        writeln!(out, "wrote {}", path.display())?;
+    }
+    Ok(())
+}
+
+/// Runs a moving scene and tells of its frames.
+fn run_moving(
+    request: &RunRequest,
+    count: u32,
+    mut dir: ResultDir,
+    bar: &Bar,
+    json: bool,
+    out: &mut impl Write,
+) -> Result<(), Failure> {
+    let output = frames::run_frames(request, count, bar)?;
+    bar.finish();
+    results::stage(&mut dir, &output.worst, &request.scene, false)?;
+    frames::stage(&mut dir, &output)?;
+    let paths = dir.commit().map_err(BadInput::from)?;
+    let report = &output.report;
+    if json {
+        out.write_all(report.to_json().as_bytes())?;
+        return Ok(());
+    }
+    writeln!(out, "{}", report.sheet().terminal())?;
+    writeln!(out, "The worst frame, {}:\n\n{}", report.worst_frame, table::render(&output.worst.report))?;
     for path in paths {
         writeln!(out, "wrote {}", path.display())?;
     }

@@ -4,7 +4,9 @@ use std::io::Write;
 
 use clap::{Args, ValueEnum};
 use lrbsim_machine::MachineConfig;
-use lrbsim_reports::RunReport;
+use lrbsim_reports::frames::FramesReport;
+use lrbsim_reports::study::{StudyFile, StudyReport};
+use lrbsim_reports::{HostReport, RunReport, dictionary};
 use lrbsim_workloads::SceneFile;
 use schemars::schema_for;
 
@@ -22,15 +24,33 @@ enum Format {
     Machine,
     /// A scene, as in configs/scenes/*.json.
     Scene,
+    /// A study, as in configs/studies/*.json.
+    Study,
     /// The result of a run, report.json.
     Report,
+    /// What a run cost the host, host.json.
+    Host,
+    /// The result of a study, study.json.
+    StudyReport,
+    /// The frames of a moving scene, frames.json.
+    Frames,
+    /// Every number of a report with its unit and meaning, as Markdown.
+    Counters,
 }
 
 pub(crate) fn run(args: &SchemaArgs, out: &mut impl Write) -> Result<(), Failure> {
     let schema = match args.format {
         Format::Machine => schema_for!(MachineConfig),
         Format::Scene => schema_for!(SceneFile),
+        Format::Study => schema_for!(StudyFile),
         Format::Report => schema_for!(RunReport),
+        Format::Host => schema_for!(HostReport),
+        Format::StudyReport => schema_for!(StudyReport),
+        Format::Frames => schema_for!(FramesReport),
+        Format::Counters => {
+            out.write_all(dictionary::markdown().as_bytes())?;
+            return Ok(());
+        }
     };
     let text = serde_json::to_string_pretty(&schema).expect("a schema has string keys");
     writeln!(out, "{text}")?;

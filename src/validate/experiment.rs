@@ -5,8 +5,9 @@ use lrbsim_isa::program::StepSource;
 use lrbsim_machine::{Chip, CoreActivity, Fidelity, StepReport};
 use lrbsim_micro::Bench;
 
+use crate::Setting;
 use crate::error::BadInput;
-use crate::inputs::{Machine, Setting};
+use crate::inputs::Machine;
 
 /// Everything that determines an outcome, beside the machine that it starts from.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]

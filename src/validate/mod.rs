@@ -37,9 +37,9 @@ pub fn write(validation: &Validation, machine: &Machine, out: ResultDir) -> Resu
     let mut out = out;
     let summary = serde_json::to_string_pretty(&validation.model_error()).expect("fields have string keys");
     let files = [
-        ("validation-scatter.svg", scatter_plot(validation)),
-        ("validation-bandwidth.svg", bandwidth_plot(validation)),
-        ("validation-latency.svg", latency_plot(validation)),
+        ("validation-scatter.svg", scatter_plot(validation).svg_without_font()),
+        ("validation-bandwidth.svg", bandwidth_plot(validation).svg_without_font()),
+        ("validation-latency.svg", latency_plot(validation).svg_without_font()),
         ("validation-error.json", summary + "\n"),
         ("validation.md", validation.markdown(&machine.config.sources)),
     ];

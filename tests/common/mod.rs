@@ -72,6 +72,10 @@ impl Done {
         String::from_utf8_lossy(&self.output.stderr).into_owned()
     }
 
+    pub fn code(&self) -> Option<i32> {
+        self.output.status.code()
+    }
+
     /// Demands exit code 0 and silence on standard error.
     #[track_caller]
     pub fn ok(self) -> Done {

@@ -32,6 +32,7 @@ pub fn scene_json(scene: &Scene, mesh_path: &str) -> String {
         camera: scene.camera,
         image: scene.image,
         light: scene.light,
+        motion: scene.motion.clone(),
     };
     serde_json::to_string_pretty(&file).expect("numbers of a valid scene are finite")
 }

@@ -31,7 +31,7 @@ mod tests;
 pub mod uop;
 pub mod vpu;
 
-pub use arena::{Addr, Arena, Line};
+pub use arena::{Addr, Arena, ArenaError, Line};
 pub use emit::OpCounts;
 pub use host::HostSimd;
 pub use kernel::{AnyKernel, Kernel};

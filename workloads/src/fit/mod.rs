@@ -93,6 +93,7 @@ pub fn fit_scene(mut mesh: Mesh) -> Scene {
         image: IMAGE,
         light: fitted.light,
         source: String::new(),
+        motion: None,
         fit: Some(fitted.info),
     }
 }

@@ -1,11 +1,12 @@
 //! Scenes inside the binary.
 
 /// Name and text of each shipped scene, in alphabetical order.
-const SCENES: [(&str, &str); 8] = [
+const SCENES: [(&str, &str); 9] = [
     ("cornell", include_str!("../../../configs/scenes/cornell.json")),
     ("fern", include_str!("../../../configs/scenes/fern.json")),
     ("palm", include_str!("../../../configs/scenes/palm.json")),
     ("saloon", include_str!("../../../configs/scenes/saloon.json")),
+    ("saloon-orbit", include_str!("../../../configs/scenes/saloon-orbit.json")),
     ("saloon-small", include_str!("../../../configs/scenes/saloon-small.json")),
     ("street", include_str!("../../../configs/scenes/street.json")),
     ("table", include_str!("../../../configs/scenes/table.json")),

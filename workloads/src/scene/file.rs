@@ -5,6 +5,7 @@ use core::fmt;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::motion::Motion;
 use crate::camera::{Camera, ImageSize};
 use crate::light::Light;
 
@@ -20,6 +21,9 @@ pub struct SceneFile {
     pub image: ImageSize,
     /// What casts the shadows.
     pub light: Light,
+    /// What moves over time, if anything does.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub motion: Option<Motion>,
 }
 
 /// Where triangles come from: `"PATH.obj"` or `{"procedural": NAME, …}`.

@@ -3,6 +3,7 @@
 mod builtin;
 mod error;
 mod file;
+mod motion;
 pub mod search;
 mod validate;
 
@@ -14,6 +15,7 @@ use std::path::Path;
 pub use builtin::{builtin_names, builtin_scene, model_names};
 pub use error::SceneError;
 pub use file::{MeshSource, Procedural, SceneFile};
+pub use motion::{Motion, Track};
 pub use search::find_model;
 pub use validate::{validate, validate_light_size};
 
@@ -41,6 +43,8 @@ pub struct Scene {
     pub light: Light,
     /// Where the mesh came from: a path as given, or `procedural NAME`.
     pub source: String,
+    /// What moves, if anything does.
+    pub motion: Option<Motion>,
     /// What was fitted, if the scene is a bare OBJ file.
     pub fit: Option<FitInfo>,
 }
@@ -59,8 +63,12 @@ impl Scene {
         validate_extent(&mesh, &source)?;
         validate_light_size(&file.light, &mesh)?;
         prepare(&mut mesh);
+        if let Some(motion) = &file.motion {
+            motion.check_objects(&mesh)?;
+        }
         let SceneFile { camera, image, light, .. } = *file;
-        Ok(Self { name: name.to_owned(), mesh, camera, image, light, source, fit: None })
+        let motion = file.motion.clone();
+        Ok(Self { name: name.to_owned(), mesh, camera, image, light, source, motion, fit: None })
     }
 }
 

@@ -29,7 +29,14 @@ pub fn validate(file: &SceneFile) -> Result<(), SceneError> {
     }
     camera(&file.camera)?;
     image(file.image)?;
-    light(&file.light)
+    light(&file.light)?;
+    file.motion.as_ref().map_or(Ok(()), |motion| motion.validate())
+}
+
+/// Checks what motion changes.
+pub(super) fn validate_view(view: &Camera, lamp: &Light) -> Result<(), SceneError> {
+    camera(view)?;
+    light(lamp)
 }
 
 /// Checks that the vertices of `mesh` do not all lie at one point; `name` is how errors call it.

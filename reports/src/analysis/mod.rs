@@ -1,0 +1,176 @@
+//! What to make of a study's results: from its JSON alone, without a simulation.
+
+mod fit;
+mod pareto;
+mod power_law;
+mod sensitivity;
+mod speedup;
+mod table;
+
+#[cfg(test)]
+pub(crate) mod tests;
+
+use serde_json::Value;
+
+use crate::metric::Numbers;
+use crate::plot::Plot;
+use crate::sheet::{Sheet, show_value};
+use crate::study::{Analysis, AnalysisKind, StudyReport};
+
+/// What one analysis found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Finding {
+    /// Stem of its files.
+    pub name: String,
+    /// What it shows.
+    pub title: String,
+    /// What to know when reading it.
+    pub notes: Vec<String>,
+    /// The numbers.
+    pub sheet: Sheet,
+    /// The picture of them.
+    pub plot: Option<Plot>,
+}
+
+/// Runs the analyses that a study asks for, the table first.
+pub fn findings(study: &StudyReport) -> Vec<Finding> {
+    let data = Data::of(study);
+    let mut asked: Vec<Analysis> = study.study.analysis.iter().map(|entry| entry.options()).collect();
+    if !asked.iter().any(|analysis| analysis.kind == AnalysisKind::Table) {
+        asked.insert(0, Analysis { kind: AnalysisKind::Table, x: None, y: None });
+    }
+    let mut findings: Vec<Finding> = Vec::new();
+    for analysis in &asked {
+        let mut finding = match analysis.kind {
+            AnalysisKind::Table => table::table(study, &data, analysis),
+            AnalysisKind::Speedup => speedup::speedup(&data, analysis),
+            AnalysisKind::PowerLaw => power_law::power_law(&data, analysis),
+            AnalysisKind::Pareto => pareto::pareto(&data, analysis),
+            AnalysisKind::Sensitivity => sensitivity::sensitivity(&data, analysis),
+        };
+        // The same analysis twice, with other options, has files of its own.
+        let earlier = findings.iter().filter(|other| other.name.starts_with(&finding.name)).count();
+        if earlier > 0 {
+            finding.name = format!("{}-{}", finding.name, earlier + 1);
+        }
+        findings.push(finding);
+    }
+    findings
+}
+
+/// All findings as one Markdown text.
+pub fn markdown(study: &StudyReport, findings: &[Finding]) -> String {
+    let mut text = format!("# {}\n", study.study.name);
+    if !study.study.question.is_empty() {
+        text.push_str(&format!("\n{}\n", study.study.question));
+    }
+    for finding in findings {
+        text.push_str(&format!("\n## {}\n\n{}", finding.title, finding.sheet.markdown()));
+        for note in &finding.notes {
+            text.push_str(&format!("\n{note}\n"));
+        }
+    }
+    text
+}
+
+/// The points of a study that have a report, ready to be asked for numbers.
+struct Data {
+    axes: Vec<String>,
+    metric: String,
+    rows: Vec<Row>,
+    /// Ids of the phases that any point has, in program order.
+    phases: Vec<String>,
+}
+
+struct Row {
+    values: Vec<Value>,
+    numbers: Numbers,
+}
+
+impl Data {
+    fn of(study: &StudyReport) -> Data {
+        let mut phases: Vec<String> = Vec::new();
+        let mut rows = Vec::new();
+        for point in &study.points {
+            let Some(report) = &point.report else { continue };
+            for phase in &report.phases {
+                if !phases.contains(&phase.id) {
+                    phases.push(phase.id.clone());
+                }
+            }
+            rows.push(Row { values: point.values.clone(), numbers: Numbers::of(report) });
+        }
+        let axes = study.study.axes.iter().map(|axis| axis.path.clone()).collect();
+        Data { axes, metric: study.study.metric.clone(), rows, phases }
+    }
+
+    /// The axis or number that an analysis is drawn over.
+    fn x(&self, analysis: &Analysis) -> String {
+        let numeric = |axis: &&String| self.rows.iter().all(|row| self.number(row, axis).is_some());
+        let first = || self.axes.iter().find(numeric).or(self.axes.first()).cloned().unwrap_or_default();
+        analysis.x.clone().unwrap_or_else(first)
+    }
+
+    /// The number that an analysis measures.
+    fn y(&self, analysis: &Analysis) -> String {
+        analysis.y.clone().unwrap_or_else(|| self.metric.clone())
+    }
+
+    /// Value of an axis, or a number of the report.
+    fn number(&self, row: &Row, path: &str) -> Option<f64> {
+        match self.axes.iter().position(|axis| axis == path) {
+            Some(axis) => row.values[axis].as_f64(),
+            None => row.numbers.get(path),
+        }
+    }
+
+    /// `y`, and where it is a time of the whole frame, the same of every phase.
+    fn with_phases(&self, y: &str) -> Vec<String> {
+        let mut all = vec![y.to_owned()];
+        if let Some(field @ ("ms" | "cycles")) = y.strip_prefix("total.") {
+            all.extend(self.phases.iter().map(|id| format!("phases.{id}.{field}")));
+        }
+        all
+    }
+
+    /// What is analyzed besides `y`: the phases, where one group leaves room for them.
+    fn parts(&self, y: &str, groups: usize) -> Vec<String> {
+        if groups == 1 { self.with_phases(y) } else { vec![y.to_owned()] }
+    }
+
+    /// The rows in groups that differ in nothing but the axis `x`, with a name for each group; all in one where `x` is no
+    /// axis but something that was measured.
+    fn groups(&self, x: &str) -> Vec<(String, Vec<&Row>)> {
+        let measured = !self.axes.iter().any(|axis| axis == x);
+        let others: Vec<usize> =
+            (0..self.axes.len()).filter(|axis| !measured && self.axes[*axis] != x).collect();
+        let mut groups: Vec<(Vec<&Value>, Vec<&Row>)> = Vec::new();
+        for row in &self.rows {
+            let rest: Vec<&Value> = others.iter().map(|axis| &row.values[*axis]).collect();
+            match groups.iter_mut().find(|(values, _)| *values == rest) {
+                Some((_, rows)) => rows.push(row),
+                None => groups.push((rest, vec![row])),
+            }
+        }
+        let name = |values: &[&Value]| {
+            let parts = others.iter().zip(values);
+            let parts: Vec<String> =
+                parts.map(|(axis, value)| format!("{} {}", self.axes[*axis], show_value(value))).collect();
+            parts.join(", ")
+        };
+        groups.into_iter().map(|(values, rows)| (name(&values), rows)).collect()
+    }
+
+    /// Finite points of one group, by rising x.
+    fn points(&self, rows: &[&Row], x: &str, y: &str) -> Vec<(f64, f64)> {
+        let mut points: Vec<(f64, f64)> =
+            rows.iter().filter_map(|row| Some((self.number(row, x)?, self.number(row, y)?))).collect();
+        points.sort_by(|a, b| a.0.total_cmp(&b.0));
+        points
+    }
+}
+
+/// Series are named by what they measure or, where there are several groups, by their group.
+fn named(what: &str, group: &str) -> String {
+    if group.is_empty() { what.to_owned() } else { group.to_owned() }
+}

@@ -1,0 +1,92 @@
+//! Every point with its numbers, and the metric over the first axis.
+
+use super::{Data, Finding, named};
+use crate::metric::title;
+use crate::plot::{Axis, Bar, Bars, Lines, Look, Plot, Series};
+use crate::sheet::{Cell, Sheet, show_value};
+use crate::study::{Analysis, StudyReport};
+
+/// Lines that a plot still shows apart.
+const LINES_MAX: usize = 9;
+
+pub(super) fn table(study: &StudyReport, data: &Data, analysis: &Analysis) -> Finding {
+    let y = data.y(analysis);
+    let mut paths = data.with_phases(&y);
+    paths.extend(study.study.columns.iter().filter(|path| **path != y).cloned());
+
+    // Failed points too: their row says why.
+    let failed = study.points.iter().any(|point| point.error.is_some());
+    let mut columns = data.axes.clone();
+    columns.extend(paths.iter().map(|path| title(path)));
+    if failed {
+        columns.push("error".to_owned());
+    }
+    let mut rows = Vec::new();
+    let mut measured = data.rows.iter();
+    for point in &study.points {
+        let mut row: Vec<Cell> = point.values.iter().map(Cell::value).collect();
+        let numbers = point.report.as_ref().and_then(|_| measured.next()).map(|row| &row.numbers);
+        row.extend(paths.iter().map(|path| Cell::maybe(numbers.and_then(|numbers| numbers.get(path)))));
+        if failed {
+            row.push(Cell::Text(point.error.clone().unwrap_or_default()));
+        }
+        rows.push(row);
+    }
+    let notes = match study.points.iter().filter(|point| point.error.is_some()).count() {
+        0 => Vec::new(),
+        n => vec![format!("{n} of {} points have no result; the last column says why.", study.points.len())],
+    };
+    let sheet = Sheet { columns, rows };
+    Finding {
+        name: "table".to_owned(),
+        title: "All points".to_owned(),
+        notes,
+        sheet,
+        plot: plot(data, analysis, &y),
+    }
+}
+
+fn plot(data: &Data, analysis: &Analysis, y: &str) -> Option<Plot> {
+    let x = data.x(analysis);
+    let groups = data.groups(&x);
+    let mut series = Vec::new();
+    for path in &data.parts(y, groups.len()) {
+        for (group, rows) in groups.iter().take(LINES_MAX) {
+            let points = data.points(rows, &x, path);
+            let what = title(path);
+            let what = what.strip_suffix(", ms").unwrap_or(&what);
+            series.push(Series { name: named(what, group), look: Look::Line, points });
+        }
+    }
+    series.retain(|line| !line.points.is_empty());
+    if series.is_empty() {
+        // Values that are names: a bar each.
+        let bars: Vec<Bar> = data
+            .rows
+            .iter()
+            .filter_map(|row| {
+                let names: Vec<String> = row.values.iter().map(show_value).collect();
+                Some(Bar { name: names.join(", "), from: 0.0, to: row.numbers.get(y)? })
+            })
+            .collect();
+        return (!bars.is_empty()).then(|| Plot::Bars(Bars { title: title(y), label: title(y), bars }));
+    }
+    let log = spans_decades(&series);
+    Some(Plot::Lines(Lines {
+        title: format!("{} over {}", title(y).trim_end_matches(", ms"), title(&x)),
+        x: Axis { label: title(&x), log: log.0 },
+        y: Axis { label: title(y).rsplit(", ").next().unwrap_or_default().to_owned(), log: log.1 },
+        series,
+    }))
+}
+
+/// Whether x and y are better seen in logarithms: they span more than a factor of 12.
+fn spans_decades(series: &[Series]) -> (bool, bool) {
+    let spans = |values: Vec<f64>| {
+        let low = values.iter().copied().fold(f64::INFINITY, f64::min);
+        let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        low > 0.0 && high / low > 12.0
+    };
+    let all = || series.iter().flat_map(|line| &line.points);
+    (spans(all().map(|point| point.0).collect()), spans(all().map(|point| point.1).collect()))
+}

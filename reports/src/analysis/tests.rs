@@ -1,0 +1,135 @@
+//! Analyses of hand-made studies whose answers are known.
+
+use serde_json::json;
+
+use super::*;
+use crate::run::RunReport;
+use crate::sample;
+use crate::sheet::Cell;
+use crate::study::{AnalysisEntry, STUDY_SCHEMA_VERSION, StudyFile, StudyPoint};
+
+/// A report whose soft phase and total take this many milliseconds.
+fn report(ms: f64) -> RunReport {
+    let mut report = sample::timed();
+    for phase in &mut report.phases {
+        phase.ms = Some(ms / 2.0);
+    }
+    report.total.ms = Some(ms);
+    report
+}
+
+/// A study over axes with points of known times.
+pub(crate) fn study(axes: &[&str], analysis: &[&str], points: &[(&[Value], f64)]) -> StudyReport {
+    let axes: Vec<Value> = axes.iter().map(|path| json!({"path": path, "values": [1, 2]})).collect();
+    let study: StudyFile =
+        serde_json::from_value(json!({"name": "made", "axes": axes, "analysis": analysis})).expect("sound");
+    let points = points
+        .iter()
+        .map(|(values, ms)| StudyPoint {
+            values: values.to_vec(),
+            key: "k".to_owned(),
+            error: None,
+            report: Some(report(*ms)),
+        })
+        .collect();
+    StudyReport {
+        schema_version: STUDY_SCHEMA_VERSION,
+        lrbsim_version: "0".to_owned(),
+        semantics: 1,
+        study,
+        points,
+    }
+}
+
+fn numbers(row: &[Cell]) -> Vec<f64> {
+    row.iter().filter_map(|cell| if let Cell::Number(number) = cell { Some(*number) } else { None }).collect()
+}
+
+fn finding(study: &StudyReport, name: &str) -> Finding {
+    findings(study).into_iter().find(|finding| finding.name == name).expect("it was asked for")
+}
+
+#[test]
+fn a_study_survives_its_json() {
+    let study = study(&["cores"], &["table"], &[(&[json!(1)], 8.0), (&[json!(2)], 5.0)]);
+    let text = study.to_json();
+    assert_eq!(serde_json::from_str::<StudyReport>(&text).expect("own JSON"), study);
+    assert_eq!(text.lines().filter(|line| line.contains("\"key\":\"k\"")).count(), 2, "a point a line");
+}
+
+#[test]
+fn the_table_has_a_row_for_every_point_and_says_what_failed() {
+    let mut study = study(&["cores"], &[], &[(&[json!(1)], 8.0), (&[json!(2)], 5.0), (&[json!(4)], 3.0)]);
+    study.points[1].report = None;
+    study.points[1].error = Some("no".to_owned());
+    let table = finding(&study, "table");
+    assert_eq!(table.sheet.columns[..2], ["cores", "total, ms"]);
+    assert_eq!(table.sheet.columns.last().map(String::as_str), Some("error"));
+    assert_eq!(table.sheet.rows[1][1], Cell::Missing);
+    assert_eq!(table.sheet.rows[2][..2], [Cell::Number(4.0), Cell::Number(3.0)]);
+    assert!(table.notes[0].starts_with("1 of 3 points"));
+}
+
+#[test]
+fn speedup_and_efficiency_are_relative_to_the_least() {
+    let points: [(&[Value], f64); 3] = [(&[json!(4)], 3.0), (&[json!(1)], 9.0), (&[json!(2)], 4.5)];
+    let speedup = finding(&study(&["cores"], &["speedup"], &points), "speedup");
+    let rows: Vec<Vec<f64>> = speedup.sheet.rows.iter().map(|row| numbers(&row[..4])).collect();
+    assert_eq!(rows, [[1.0, 9.0, 1.0, 1.0], [2.0, 4.5, 2.0, 1.0], [4.0, 3.0, 3.0, 0.75]]);
+}
+
+#[test]
+fn an_exact_power_is_found() {
+    let points: Vec<([Value; 1], f64)> =
+        [1, 2, 4, 8].map(|x| ([json!(x)], 3.0 * f64::from(x).powf(-1.5))).to_vec();
+    let points: Vec<(&[Value], f64)> = points.iter().map(|(values, ms)| (&values[..], *ms)).collect();
+    let fit = finding(&study(&["cores"], &["power_law"], &points), "power_law");
+    let found = numbers(&fit.sheet.rows[0]);
+    for (found, expected) in found.iter().zip([-1.5, -1.5, -1.5, 3.0, 4.0]) {
+        assert!((found - expected).abs() < 1e-9, "{found} {expected}");
+    }
+}
+
+#[test]
+fn the_front_is_marked() {
+    let points: [(&[Value], f64); 3] = [(&[json!(1)], 9.0), (&[json!(2)], 4.0), (&[json!(3)], 4.0)];
+    let pareto = finding(&study(&["cores"], &["pareto"], &points), "pareto");
+    let marks: Vec<String> = pareto.sheet.rows.iter().map(|row| row[2].shown()).collect();
+    assert_eq!(marks, ["yes", "yes", ""]);
+}
+
+#[test]
+fn the_axis_that_does_most_comes_first() {
+    let points: [(&[Value], f64); 4] = [
+        (&[json!(1), json!("a")], 8.0),
+        (&[json!(2), json!("a")], 4.0),
+        (&[json!(1), json!("b")], 8.8),
+        (&[json!(2), json!("b")], 4.4),
+    ];
+    let effects = finding(&study(&["cores", "machine"], &["sensitivity"], &points), "sensitivity");
+    let shown: Vec<Vec<String>> =
+        effects.sheet.rows.iter().map(|row| row.iter().map(Cell::shown).collect()).collect();
+    assert_eq!(shown[0], ["cores", "2", "-50", "1", "0", "-1"]);
+    assert_eq!(shown[1], ["machine", "a", "0", "b", "10.00", "-"]);
+}
+
+#[test]
+fn the_same_analysis_twice_has_two_names() {
+    let mut twice = study(&["cores"], &["pareto", "pareto"], &[(&[json!(1)], 1.0)]);
+    twice.study.analysis[1] = AnalysisEntry::Options(Analysis {
+        kind: AnalysisKind::Pareto,
+        x: Some("total.ms".to_owned()),
+        y: Some("machine.cores".to_owned()),
+    });
+    let names: Vec<String> = findings(&twice).into_iter().map(|finding| finding.name).collect();
+    assert_eq!(names, ["table", "pareto", "pareto-2"]);
+}
+
+#[test]
+fn a_study_without_results_has_findings_all_the_same() {
+    let all = ["table", "speedup", "power_law", "pareto", "sensitivity"];
+    for finding in findings(&study(&["cores"], &all, &[])) {
+        assert!(finding.sheet.rows.is_empty() && finding.plot.is_none(), "{}", finding.name);
+        assert!(!finding.sheet.markdown().is_empty());
+    }
+}

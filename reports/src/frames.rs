@@ -1,0 +1,135 @@
+//! A moving scene, frame by frame: `frames.json`.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::plot::{Axis, Lines, Look, Plot, Series};
+use crate::run::RunReport;
+use crate::sheet::{Cell, Sheet};
+
+/// Version of the layout of [`FramesReport`].
+pub const FRAMES_SCHEMA_VERSION: u32 = 1;
+
+/// What was measured of every frame of a moving scene.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FramesReport {
+    /// Version of this layout.
+    pub schema_version: u32,
+    /// Name of the scene.
+    pub scene: String,
+    /// Name of the machine.
+    pub machine: String,
+    /// Shadow algorithm with all of its options.
+    pub algorithm: String,
+    /// How much of the machine was modeled.
+    pub fidelity: String,
+    /// The frame that took the most cycles, or the most instructions where nothing is timed; report.json is its report.
+    pub worst_frame: usize,
+    /// The frames, in their order.
+    pub frames: Vec<FrameSummary>,
+}
+
+/// One frame.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FrameSummary {
+    /// Time in the scene, from 0 to 1.
+    pub time: f64,
+    /// Simulated cycles.
+    pub cycles: Option<u64>,
+    /// Simulated milliseconds.
+    pub ms: Option<f64>,
+    /// Simulated instructions.
+    pub instructions: u64,
+    /// Milliseconds of each phase, in program order.
+    pub phases: Vec<FramePhase>,
+    /// Mean visibility of the light, in [0, 1].
+    pub mean_visibility: Option<f64>,
+    /// SHA-256 of the visibility values.
+    pub sha256: String,
+}
+
+/// One phase of a frame.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FramePhase {
+    /// Stable name.
+    pub id: String,
+    /// Simulated milliseconds.
+    pub ms: Option<f64>,
+}
+
+impl FrameSummary {
+    /// The summary of a frame's report.
+    pub fn of(time: f64, report: &RunReport) -> FrameSummary {
+        FrameSummary {
+            time,
+            cycles: report.total.cycles,
+            ms: report.total.ms,
+            instructions: report.phases.iter().map(|phase| phase.instructions.total).sum(),
+            phases: report
+                .phases
+                .iter()
+                .map(|phase| FramePhase { id: phase.id.clone(), ms: phase.ms })
+                .collect(),
+            mean_visibility: report.image.mean_visibility,
+            sha256: report.image.sha256.clone(),
+        }
+    }
+
+    /// What the worst frame has the most of.
+    pub fn cost(&self) -> u64 {
+        self.cycles.unwrap_or(self.instructions)
+    }
+}
+
+impl FramesReport {
+    /// The bytes of `frames.json`.
+    pub fn to_json(&self) -> String {
+        let mut text = serde_json::to_string_pretty(self).expect("a report has string keys");
+        text.push('\n');
+        text
+    }
+
+    /// A row for each frame.
+    pub fn sheet(&self) -> Sheet {
+        let ids = self.frames.first().map(|frame| frame.phases.as_slice()).unwrap_or_default();
+        let mut columns = ["frame", "time", "total, ms"].map(str::to_owned).to_vec();
+        columns.extend(ids.iter().map(|phase| format!("{}, ms", phase.id)));
+        columns.push("mean visibility".to_owned());
+        let rows = self.frames.iter().enumerate().map(|(index, frame)| {
+            let mut row = vec![Cell::Number(index as f64), Cell::Number(frame.time), Cell::maybe(frame.ms)];
+            row.extend(ids.iter().map(|id| {
+                Cell::maybe(frame.phases.iter().find(|phase| phase.id == id.id).and_then(|phase| phase.ms))
+            }));
+            row.push(Cell::maybe(frame.mean_visibility));
+            row
+        });
+        Sheet { columns, rows: rows.collect() }
+    }
+
+    /// Time of each frame, whole and by phase; `None` when nothing is timed.
+    pub fn plot(&self) -> Option<Plot> {
+        let series = |name: &str, ms: &dyn Fn(&FrameSummary) -> Option<f64>| {
+            let points = self.frames.iter().enumerate();
+            let points: Vec<(f64, f64)> =
+                points.filter_map(|(i, frame)| Some((i as f64, ms(frame)?))).collect();
+            Series { name: name.to_owned(), look: Look::Line, points }
+        };
+        let mut all = vec![series("total", &|frame| frame.ms)];
+        for phase in &self.frames.first()?.phases {
+            let of = |frame: &FrameSummary| frame.phases.iter().find(|other| other.id == phase.id)?.ms;
+            all.push(series(&phase.id, &of));
+        }
+        if all[0].points.is_empty() {
+            return None;
+        }
+        Some(Plot::Lines(Lines {
+            title: format!("{} on {}", self.scene, self.machine),
+            x: Axis { label: "frame".to_owned(), log: false },
+            y: Axis { label: "ms".to_owned(), log: false },
+            series: all,
+        }))
+    }
+}

@@ -1,0 +1,173 @@
+//! `report.html`: one page for a run, a study or a moving scene that needs nothing else, not even a network.
+//!
+//! The page holds the JSON it was made of, and draws itself from it: whatever it shows stands there, or is a ratio of two
+//! numbers that do.
+
+use lrbsim_machine::{MachineConfig, builtin_machine};
+use serde::Serialize;
+use serde_json::Value;
+
+use crate::analysis::findings;
+use crate::base64;
+use crate::frames::FramesReport;
+use crate::host::HostReport;
+use crate::run::RunReport;
+use crate::sheet::{Cell, Sheet};
+use crate::study::StudyReport;
+
+const HTML: &str = include_str!("page.html");
+const CSS: &str = include_str!("page.css");
+const CHARTS: &str = include_str!("charts.js");
+const PAGE: &str = include_str!("page.js");
+
+/// A picture for a page.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Picture {
+    /// What it shows.
+    pub title: String,
+    /// The picture itself.
+    url: String,
+}
+
+impl Picture {
+    /// A picture of these bytes (PNG).
+    pub fn png(title: &str, bytes: &[u8]) -> Picture {
+        Picture { title: title.to_owned(), url: format!("data:image/png;base64,{}", base64::encode(bytes)) }
+    }
+}
+
+/// The page of a run.
+pub fn of_run(report: &RunReport, host: Option<&HostReport>, pictures: &[Picture]) -> String {
+    let title = format!("{} on {}", report.scene.name, report.machine.name);
+    let data = serde_json::json!({
+        "kind": "run",
+        "title": title,
+        "report": report,
+        "presets": presets([report].into_iter()),
+        "host": host,
+        "pictures": pictures,
+    });
+    page(&title, &data)
+}
+
+/// The page of a moving scene: all frames, and the report and pictures of the worst.
+pub fn of_frames(frames: &FramesReport, worst: &RunReport, all: &[Picture], pictures: &[Picture]) -> String {
+    let title = format!("{} on {}, {} frames", frames.scene, frames.machine, frames.frames.len());
+    let data = serde_json::json!({
+        "kind": "frames",
+        "title": title,
+        "frames": frames,
+        "report": worst,
+        "presets": presets([worst].into_iter()),
+        "pictures": all,
+        "worst": pictures,
+    });
+    page(&title, &data)
+}
+
+/// The page of a study.
+pub fn of_study(study: &StudyReport) -> String {
+    let findings: Vec<Value> = findings(study)
+        .iter()
+        .map(|finding| {
+            serde_json::json!({
+                "name": finding.name,
+                "title": finding.title,
+                "notes": finding.notes,
+                "sheet": sheet(&finding.sheet),
+                "svg": finding.plot.as_ref().map(|plot| plot.svg_without_font()),
+            })
+        })
+        .collect();
+    let reports = study.points.iter().filter_map(|point| point.report.as_ref());
+    let data = serde_json::json!({
+        "kind": "study",
+        "title": study.study.name,
+        "study": study,
+        "presets": presets(reports),
+        "findings": findings,
+    });
+    page(&study.study.name, &data)
+}
+
+/// A sheet as the page takes it: numbers stay numbers, so that they sort as such.
+fn sheet(sheet: &Sheet) -> Value {
+    let cell = |cell: &Cell| match cell {
+        Cell::Text(text) => Value::from(text.as_str()),
+        Cell::Number(number) => Value::from(*number),
+        Cell::Missing => Value::Null,
+    };
+    let rows: Vec<Vec<Value>> = sheet.rows.iter().map(|row| row.iter().map(cell).collect()).collect();
+    serde_json::json!({"columns": sheet.columns, "rows": rows})
+}
+
+/// The shipped machines that these were made from, by name, to tell what differs.
+fn presets<'a>(reports: impl Iterator<Item = &'a RunReport>) -> Value {
+    let mut presets = serde_json::Map::new();
+    for report in reports {
+        let name = &report.machine.name;
+        if let Some(text) = builtin_machine(name)
+            && !presets.contains_key(name)
+        {
+            let preset: MachineConfig = serde_json::from_str(text).expect("what is shipped can be read");
+            presets.insert(name.clone(), serde_json::to_value(preset).expect("string keys"));
+        }
+    }
+    Value::Object(presets)
+}
+
+/// Puts the page together.
+fn page(title: &str, data: &Value) -> String {
+    // Text of the data may hold anything; in this form it can end no script and open no comment.
+    let data = data
+        .to_string()
+        .replace('<', "\\u003c")
+        .replace('\u{2028}', "\\u2028")
+        .replace('\u{2029}', "\\u2029");
+    let title = title.replace('&', "&amp;").replace('<', "&lt;");
+    // In this order, no part can be mistaken for the place of another: the data come last.
+    HTML.replace("{{title}}", &title)
+        .replace("{{css}}", CSS)
+        .replace("{{charts}}", CHARTS)
+        .replace("{{page}}", PAGE)
+        .replace("{{data}}", &data)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sample;
+
+    #[test]
+    fn a_page_needs_no_network_and_holds_its_report() {
+        let report = sample::timed();
+        let html = of_run(&report, None, &[Picture::png("picture", b"not really")]);
+        let plain = html.replace("http://www.w3.org/2000/svg", "");
+        assert!(!plain.contains("http://") && !plain.contains("https://") && !plain.contains("{{"));
+        let start = html.find("id=\"data\">").expect("the data") + "id=\"data\">".len();
+        let end = start + html[start..].find("</script>").expect("its end");
+        let data: Value = serde_json::from_str(&html[start..end]).expect("sound JSON");
+        let held: RunReport = serde_json::from_value(data["report"].clone()).expect("the report");
+        assert_eq!(held, report);
+        assert_eq!(data["presets"]["larrabee-24"]["cores"], 24);
+    }
+
+    #[test]
+    fn names_cannot_end_the_script() {
+        let mut report = sample::timed();
+        report.scene.name = "</script><script>alert(1)</script>{{data}}".to_owned();
+        let html = of_run(&report, None, &[]);
+        assert!(!html.contains("<script>alert"), "a name became a script");
+    }
+
+    #[test]
+    fn a_page_of_a_study_has_its_findings() {
+        let study = crate::analysis::tests::study(
+            &["cores"],
+            &["speedup"],
+            &[(&[Value::from(1)], 8.0), (&[Value::from(2)], 5.0)],
+        );
+        let html = of_study(&study);
+        assert!(html.contains("\"name\":\"speedup\"") && html.contains("\\u003csvg"));
+    }
+}

@@ -1,0 +1,258 @@
+// The page: sections made of the report that it holds.
+const data = JSON.parse(document.getElementById("data").textContent);
+const main = document.getElementById("main");
+const root = document.documentElement;
+
+function setTheme(theme) {
+  root.dataset.theme = theme;
+  // A page from a file may not be allowed to remember.
+  try { localStorage.setItem("lrbsim-theme", theme); } catch (_) {}
+}
+let remembered = null;
+try { remembered = localStorage.getItem("lrbsim-theme"); } catch (_) {}
+root.dataset.theme = remembered || (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
+document.getElementById("theme").addEventListener("click", () => setTheme(root.dataset.theme === "dark" ? "light" : "dark"));
+
+function section(title, ...children) {
+  return element("section", {}, element("h2", {}, title), ...children);
+}
+
+const note = (text) => element("p", { class: "soft" }, text);
+
+// Buttons of which one is pressed.
+function choice(names, pick) {
+  const tools = element("div", { class: "tools" });
+  names.forEach((name, index) => {
+    tools.append(element("button", { type: "button", "aria-pressed": index === 0, click: (event) => {
+      for (const button of tools.children) button.setAttribute("aria-pressed", button === event.target);
+      pick(index);
+    } }, name));
+  });
+  return tools;
+}
+
+// A table whose columns sort. cells: strings, numbers, null, or {value, show}.
+function table(columns, rows, totals = []) {
+  const value = (cell) => (cell !== null && typeof cell === "object" ? cell.value : cell);
+  const show = (cell) => (cell !== null && typeof cell === "object" ? cell.show : typeof cell === "number" ? short(cell) : cell === null ? "-" : cell);
+  const isText = columns.map((_, column) => rows.some((row) => typeof value(row[column]) === "string"));
+  const line = (row, total) => element("tr", { class: row.className || (total ? "total" : null) }, ...row.map((cell, column) => {
+    const text = String(show(cell));
+    return element("td", { class: (isText[column] ? "text" : "") + (text.length > 48 ? " wrap" : "") }, text);
+  }));
+  const body = element("tbody", {});
+  const fillBody = (ordered) => body.replaceChildren(...ordered.map((row) => line(row)), ...totals.map((row) => line(row, true)));
+  fillBody(rows);
+  const heads = columns.map((column, index) => {
+    const head = element("th", { class: isText[index] ? "text" : "", scope: "col" });
+    head.append(element("button", { type: "button", click: () => {
+      const up = head.getAttribute("aria-sort") === "descending" || (isText[index] && head.getAttribute("aria-sort") !== "ascending");
+      for (const other of head.parentNode.children) other.removeAttribute("aria-sort");
+      head.setAttribute("aria-sort", up ? "ascending" : "descending");
+      const order = (a, b) => {
+        const [x, y] = [value(a[index]), value(b[index])];
+        if (x === null || y === null) return (x === null) - (y === null);
+        const by = typeof x === "string" || typeof y === "string" ? String(x).localeCompare(String(y)) : x - y;
+        return up ? by : -by;
+      };
+      fillBody([...rows].sort(order));
+    } }, column));
+    return head;
+  });
+  return element("div", { class: "scroll" }, element("table", {}, element("thead", {}, element("tr", {}, ...heads)), body));
+}
+
+const cell = (number, show) => (number === null || number === undefined || Number.isNaN(number) ? null : { value: number, show });
+const ratio = (part, whole) => (whole > 0 ? part / whole : null);
+const asPercent = (part) => (part === null ? null : cell(part, percent(part)));
+
+function figures(entries) {
+  const box = ([name, value]) => element("div", {}, element("b", {}, value), element("span", { class: "soft" }, name));
+  return element("div", { class: "figures" }, ...entries.filter((entry) => entry[1] !== null).map(box));
+}
+
+function phaseTable(report) {
+  const timed = report.total.cycles !== null;
+  const columns = ["phase", "ms", "share", "instructions", "IPC", "lanes active", "L1 hits", "L2 hits", "memory, MB"];
+  const rows = report.phases.map((phase) => [
+    phase.title + (phase.in_paper_total ? "" : " *"), phase.ms, asPercent(phase.share), phase.instructions.total, cell(phase.ipc, phase.ipc === null ? "" : phase.ipc.toFixed(3)),
+    asPercent(ratio(phase.lanes.active, phase.lanes.active + phase.lanes.masked)),
+    asPercent(phase.l1d && ratio(phase.l1d.hits, phase.l1d.accesses)), asPercent(phase.l2 && ratio(phase.l2.hits, phase.l2.accesses)),
+    phase.memory && cell(phase.memory.bytes, (phase.memory.bytes / 1e6).toFixed(2)),
+  ]);
+  const sum = (pick) => report.phases.reduce((all, phase) => all + (pick(phase) || 0), 0);
+  const instructions = (all) => report.phases.filter((phase) => all || phase.in_paper_total).reduce((sum, phase) => sum + phase.instructions.total, 0);
+  const bytes = timed ? (sum((phase) => phase.memory && phase.memory.bytes) / 1e6).toFixed(2) : null;
+  const totals = [["total", report.total.ms, "", instructions(true), "", "", "", "", bytes]];
+  if (timed) totals.push(["paper's total", report.total.paper_ms, "", instructions(false), "", "", "", "", ""]);
+  return section("Phases", table(columns, rows, totals), note("* not in the totals of Johnson et al. 2009. Click a heading to sort. IPC: instructions per cycle and core."));
+}
+
+function stackSection(report) {
+  if (report.total.cycles === null) return null;
+  const holder = element("div", {});
+  const rows = report.phases.map((phase) => {
+    const all = CAUSES.reduce((sum, cause) => sum + phase.cycle_stack[cause], 0);
+    const parts = CAUSES.map((cause, i) => ({ name: cause, value: (phase.ms * phase.cycle_stack[cause]) / (all || 1), color: COLORS[i], note: `${grouped(phase.cycle_stack[cause])} core-cycles` }));
+    return { name: phase.title, parts, note: `${short(phase.ms)} ms` };
+  });
+  const draw = (relative) => holder.replaceChildren(stackedBars(rows, relative));
+  draw(false);
+  const numbers = table(["phase", ...CAUSES.map(label)], report.phases.map((phase) => [phase.title, ...CAUSES.map((cause) => phase.cycle_stack[cause])]));
+  return section("Where the cycles went", choice(["in time", "in percent"], (index) => draw(index === 1)), holder, legend(CAUSES, COLORS),
+    element("details", {}, element("summary", {}, "core-cycles by cause"), numbers),
+    note("Every core-cycle has one cause: an instruction issued, or what the thread that issued next had waited for."));
+}
+
+function lanesSection(report) {
+  const kinds = ["vector", "gather", "scatter", "atomic", "scalar", "mask", "branch", "prefetch", "spill"];
+  const colors = ["#0072b2", "#e69f00", "#d55e00", "#cc79a7", "#8a8f99", "#56b4e9", "#009e73", "#f0e442", "#7a5195"];
+  const lanes = report.phases.map((phase) => ({ name: phase.title, note: percent(ratio(phase.lanes.active, phase.lanes.active + phase.lanes.masked)),
+    parts: [{ name: "active", value: phase.lanes.active, color: "#0072b2" }, { name: "masked off", value: phase.lanes.masked, color: "#c9cdd4" }] }));
+  const mix = report.phases.map((phase) => ({ name: phase.title, note: grouped(phase.instructions.total),
+    parts: kinds.map((kind, i) => ({ name: kind, value: phase.instructions[kind], color: colors[i], note: grouped(phase.instructions[kind]) })) }));
+  return [section("Lanes", stackedBars(lanes, true), legend(["active", "masked off"], ["#0072b2", "#c9cdd4"]), note("Of 16 lane-slots for each vector instruction.")),
+    section("Instructions", stackedBars(mix, true), legend(kinds, colors))];
+}
+
+function coresSection(report) {
+  const phases = report.phases.filter((phase) => phase.core_busy_cycles);
+  if (phases.length === 0) return null;
+  const rows = phases.map((phase) => ({ name: phase.title, values: phase.core_busy_cycles.map((busy) => ratio(busy, phase.cycles) || 0) }));
+  return section("Cores", strips(rows, "core"), note("Part of a phase's cycles in which a core issued: the more of it, the stronger the blue."));
+}
+
+function memorySection(report) {
+  if (report.total.cycles === null) return null;
+  const names = ["l1d", "l2", "ring", "directory", "memory", "atomics"];
+  const counters = names.flatMap((group) => Object.keys(report.phases[0]?.[group] || {}).map((name) => [group, name]));
+  const rows = counters.map(([group, name]) => [`${label(group === "l1d" ? "l1" : group)} ${label(name)}`, ...report.phases.map((phase) => phase[group][name]), report.phases.reduce((sum, phase) => sum + phase[group][name], 0)]);
+  return section("Caches, ring and memory", table(["counter", ...report.phases.map((phase) => phase.id), "all"], rows));
+}
+
+function rooflineSection(report) {
+  if (report.total.cycles === null || report.machine.ideal?.memory) return null;
+  const machine = report.machine, clock = machine.clock_ghz, cores = machine.cores;
+  const rings = Math.ceil(cores / machine.ring.cores_per_ring);
+  const compute = cores * 16 * clock;
+  const levels = [
+    { name: "memory", bytes: (phase) => phase.memory.bytes, roof: machine.memory.bandwidth_gb_per_s, how: "bandwidth of all controllers" },
+    { name: "ring", bytes: (phase) => phase.ring.bytes, roof: Math.min(8, 2 * cores) * machine.ring.bytes_per_cycle * clock * rings, how: "both directions of every link, a quarter of a ring a message" },
+    { name: "L2", bytes: (phase) => 64 * phase.l2.accesses, roof: cores * clock * Math.min(64, (64 * machine.l1d.mshrs) / machine.l2.hit_cycles), how: "lines that L1 can wait for at once, divided by the latency of L2" },
+    { name: "L1", bytes: (phase) => 64 * phase.l1d.accesses, roof: cores * clock * 64, how: "a line a cycle and core" },
+  ];
+  const colors = ["#0072b2", "#e69f00", "#009e73", "#d55e00", "#cc79a7", "#56b4e9", "#7a5195", "#8a8f99", "#f0e442"];
+  const holder = element("div", {});
+  const draw = (level) => {
+    const points = report.phases.map((phase, i) => {
+      const seconds = phase.ms / 1e3;
+      return { name: phase.title, color: colors[i % colors.length], x: phase.lanes.active / level.bytes(phase), y: phase.lanes.active / seconds / 1e9 };
+    }).map((point) => ({ ...point, x: Number.isFinite(point.x) ? point.x : 0 }));
+    const roofs = [{ name: `compute: ${short(compute)} G lane operations/s`, at: () => compute, dash: "6 4" }, { name: `${level.name}: ${short(level.roof)} GB/s`, at: (x) => x * level.roof }];
+    holder.replaceChildren(roofline(roofs, points, `lane operations per byte of ${level.name}`, "G lane operations/s"),
+      note(`Dashed: ${short(compute)} G lane operations/s, a vector instruction a cycle and core. Slanted: ${level.name}, ${short(level.roof)} GB/s, ${level.how}.`));
+  };
+  draw(levels[0]);
+  return section("Roofline", choice(levels.map((level) => level.name), (index) => draw(levels[index])), holder);
+}
+
+function flatten(tree, path = "", rows = []) {
+  for (const [name, value] of Object.entries(tree || {})) {
+    const at = path ? `${path}.${name}` : name;
+    if (at === "sources") continue;
+    if (value !== null && typeof value === "object" && !Array.isArray(value)) flatten(value, at, rows);
+    else rows.push([at, value]);
+  }
+  return rows;
+}
+
+// Numbers of the machine that are not those of the shipped one of its name.
+function changes(report) {
+  const preset = data.presets[report.machine.name];
+  const before = new Map(flatten(preset));
+  return preset === undefined ? [] : flatten(report.machine).filter(([path, value]) => JSON.stringify(before.get(path)) !== JSON.stringify(value));
+}
+
+function configSection(report) {
+  const preset = data.presets[report.machine.name];
+  const before = new Map(flatten(preset));
+  const sources = report.machine.sources && Object.keys(report.machine.sources).length ? report.machine.sources : preset?.sources || {};
+  const changedPaths = new Set(changes(report).map(([path]) => path));
+  const rows = flatten(report.machine).map(([path, value]) => {
+    const differs = changedPaths.has(path);
+    const row = [path, String(value), preset === undefined ? "-" : differs ? String(before.get(path)) : "same", differs ? "set for this run" : sources[path] || ""];
+    if (differs) row.className = "differs";
+    return row;
+  });
+  const changed = rows.filter((row) => row.className);
+  const say = preset === undefined ? `${report.machine.name} is not a shipped machine.` : changed.length ? `${changed.length} of ${rows.length} numbers differ from the shipped ${report.machine.name}.` : `As the shipped ${report.machine.name}.`;
+  const head = ["number", "value", "shipped", "where from"];
+  return section("Machine", note(say), changed.length ? table(head, changed) : null, element("details", {}, element("summary", {}, `all ${rows.length} numbers`), table(head, rows)));
+}
+
+function pictureSection(pictures, title = "Picture") {
+  if (!pictures || pictures.length === 0) return null;
+  const image = element("img", { alt: pictures[0].title, src: pictures[0].url });
+  const frame = element("div", { class: "picture" }, image);
+  let zoom = 0;
+  const size = () => { image.style.width = zoom === 0 ? "auto" : `${image.naturalWidth * zoom}px`; image.style.maxWidth = zoom === 0 ? "100%" : "none"; };
+  const zooms = [0, 1, 2, 4, 8];
+  image.addEventListener("load", size);
+  size();
+  const which = pictures.length > 1 ? choice(pictures.map((picture) => picture.title), (index) => { image.src = pictures[index].url; image.alt = pictures[index].title; }) : null;
+  const tools = choice(zooms.map((factor) => (factor === 0 ? "fit" : `${factor}\u00d7`)), (index) => { zoom = zooms[index]; size(); });
+  tools.classList.add("zoom");
+  return section(title, which, tools, frame);
+}
+
+function provenanceSection(report) {
+  const rows = [...flatten(report.provenance, "provenance"), ...flatten(report.scene, "scene"), ...flatten(report.image, "image"), ...flatten(data.kind === "run" ? data.host : null, "host")];
+  return section("Where this is from", element("details", {}, element("summary", {}, "scene, hashes, versions, host"), table(["what", "value"], rows.map(([path, value]) => [path, String(typeof value === "object" ? JSON.stringify(value) : value)]))));
+}
+
+function validationSection(report) {
+  if (!report.model_error) return null;
+  return section("How far to trust it", table(["what", "value"], flatten(report.model_error).map(([path, value]) => [path, String(value)])));
+}
+
+function runSections(report, pictures) {
+  const total = report.total, scene = report.scene, changed = changes(report);
+  return [
+    note(`${report.provenance.algorithm}, ${report.provenance.fidelity}, ${scene.width} \u00d7 ${scene.height} pixels, ${grouped(scene.triangles)} triangles, ${grouped(scene.silhouette_edges)} silhouette edges, ${report.machine.cores} cores at ${report.machine.clock_ghz} GHz`),
+    changed.length ? note(`Differs from the shipped ${report.machine.name}: ${changed.map(([path, value]) => `${path} ${value}`).join(", ")}.`) : null,
+    figures([["milliseconds a frame", total.ms === null ? null : short(total.ms)], ["frames a second", total.fps === null ? null : short(total.fps)],
+      ["ms of the paper's phases", total.paper_ms === null ? null : short(total.paper_ms)], ["mean visibility", report.image.mean_visibility === null ? null : short(report.image.mean_visibility)], ["receivers in penumbra", grouped(report.image.penumbra_receivers)]]),
+    phaseTable(report), pictureSection(pictures), stackSection(report), coresSection(report), ...lanesSection(report), rooflineSection(report), memorySection(report), configSection(report), validationSection(report), provenanceSection(report),
+  ].filter((part) => part !== null);
+}
+
+function findingSection(finding) {
+  const plot = finding.svg ? element("div", { class: "paper" }) : null;
+  if (plot) plot.innerHTML = finding.svg.replace(/(<svg[^>]*?) width="(\d+)" height="(\d+)"/, "$1");
+  return section(finding.title, plot, table(finding.sheet.columns, finding.sheet.rows), ...finding.notes.map(note));
+}
+
+function studySections(study) {
+  const axes = study.study.axes.map((axis) => axis.path);
+  const name = (point) => axes.map((axis, i) => `${axis} ${typeof point.values[i] === "string" ? point.values[i] : JSON.stringify(point.values[i])}`).join(", ");
+  const good = study.points.filter((point) => point.report !== null);
+  const holder = element("div", { id: "point" });
+  const pick = element("select", { "aria-label": "Point of the study", change: (event) => holder.replaceChildren(...runSections(good[event.target.value].report)) }, ...good.map((point, index) => element("option", { value: index }, name(point))));
+  if (good.length) holder.replaceChildren(...runSections(good[0].report));
+  const failed = study.points.filter((point) => point.error !== null).map((point) => element("p", { class: "error" }, `${name(point)}: ${point.error}`));
+  return [element("p", {}, study.study.question), ...data.findings.map(findingSection), ...failed, good.length ? section("One point", pick, holder) : note("No point has a result.")];
+}
+
+function framesSections(frames) {
+  const timed = frames.frames.every((frame) => frame.ms !== null);
+  const ids = frames.frames[0].phases.map((phase) => phase.id);
+  const rows = frames.frames.map((frame, index) => [index, frame.time, frame.ms, ...frame.phases.map((phase) => phase.ms), frame.mean_visibility]);
+  return [note(`${frames.frames.length} frames of ${frames.scene} on ${frames.machine}; the worst is frame ${frames.worst_frame}.`),
+    timed ? section("Time of each frame", lineChart(frames.frames.map((frame) => frame.ms), "frame", "ms")) : null, pictureSection(data.pictures, "All frames"),
+    section("Frames", table(["frame", "time", "ms", ...ids, "mean visibility"], rows)),
+    element("h2", {}, `The worst frame: ${frames.worst_frame}`), ...runSections(data.report, data.worst)].filter((part) => part !== null);
+}
+
+document.getElementById("title").textContent = data.title;
+const makers = { run: () => runSections(data.report, data.pictures), study: () => studySections(data.study), frames: () => framesSections(data.frames) };
+main.append(...makers[data.kind]());

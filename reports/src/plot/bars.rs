@@ -1,0 +1,69 @@
+//! Horizontal bars from a common start: what each change does.
+
+use plotters::prelude::DrawingBackend;
+
+use super::canvas::{Anchor, Canvas, GRID, INK, SIZE, color};
+use super::lines::clipped;
+use super::scale::Scale;
+use crate::sheet::short;
+
+/// Left, top, right, bottom of the bars; their names stand to the left.
+const FRAME: (f64, f64, f64, f64) = (250.0, 60.0, 850.0, 460.0);
+
+/// Bars at most: more cannot be read.
+const BARS_MAX: usize = 18;
+
+/// Horizontal bars from 0.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Bars {
+    /// What is shown.
+    pub title: String,
+    /// What the bars measure, and its unit.
+    pub label: String,
+    /// From top to bottom.
+    pub bars: Vec<Bar>,
+}
+
+/// One row: from the least to the greatest change.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Bar {
+    /// What was changed.
+    pub name: String,
+    /// One end.
+    pub from: f64,
+    /// The other.
+    pub to: f64,
+}
+
+impl Bars {
+    pub(super) fn draw<B: DrawingBackend>(&self, canvas: &Canvas<'_, B>) {
+        let (left, top, right, bottom) = FRAME;
+        let bars = &self.bars[..self.bars.len().min(BARS_MAX)];
+        // Some room for the numbers beside the bars.
+        let ends = bars.iter().flat_map(|bar| [bar.from, bar.to]).map(|end| end * 1.15).chain([0.0]);
+        let scale = Scale::of(ends, false);
+        let place = |value: f64| left + scale.place(value) * (right - left);
+
+        canvas.words(&self.title, (20.0, 22.0), Anchor::Left, 1.15);
+        for (value, label) in scale.ticks() {
+            canvas.line(&[(place(value), top), (place(value), bottom)], GRID, 1.0, false);
+            canvas.words(&label, (place(value), bottom + 16.0), Anchor::Middle, 0.9);
+        }
+        canvas.words(&self.label, (right, f64::from(SIZE.1) - 18.0), Anchor::Right, 1.0);
+
+        let height = (bottom - top) / bars.len().max(4) as f64;
+        for (row, bar) in bars.iter().enumerate() {
+            let middle = top + (row as f64 + 0.5) * height;
+            canvas.words(&clipped(&bar.name), (left - 10.0, middle), Anchor::Right, 0.9);
+            // Below and above the start are told apart by color and by side.
+            for (end, index) in [(bar.from.min(bar.to), 1), (bar.from.max(bar.to), 2)] {
+                let half = (height * 0.32).min(14.0);
+                canvas.bar((place(0.0), middle - half), (place(end), middle + half), color(index));
+            }
+            let widest = if bar.from.abs() > bar.to.abs() { bar.from } else { bar.to };
+            let (beside, anchor) = if widest < 0.0 { (-6.0, Anchor::Right) } else { (6.0, Anchor::Left) };
+            canvas.words(&short(widest), (place(widest) + beside, middle), anchor, 0.8);
+        }
+        canvas.line(&[(place(0.0), top), (place(0.0), bottom)], INK, 1.5, false);
+    }
+}

@@ -1,0 +1,111 @@
+//! Lines and points over two axes.
+
+use plotters::prelude::DrawingBackend;
+
+use super::canvas::{Anchor, Canvas, GRID, INK, SIZE, color};
+use super::scale::Scale;
+
+/// Left, top, right, bottom of the paper between the axes; names of the series stand to the right of it.
+const FRAME: (f64, f64, f64, f64) = (70.0, 72.0, 660.0, 460.0);
+
+/// Letters of a name at most.
+const NAME_MAX: usize = 27;
+
+/// Lines and points over two axes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Lines {
+    /// What is shown.
+    pub title: String,
+    /// To the right.
+    pub x: Axis,
+    /// Upwards.
+    pub y: Axis,
+    /// What is drawn, in the order of their colors.
+    pub series: Vec<Series>,
+}
+
+/// An axis.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Axis {
+    /// What, and its unit.
+    pub label: String,
+    /// Logarithmic, if all values allow it.
+    pub log: bool,
+}
+
+/// One line or cloud of points.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Series {
+    /// As the legend has it.
+    pub name: String,
+    /// How it is drawn.
+    pub look: Look,
+    /// x and y.
+    pub points: Vec<(f64, f64)>,
+}
+
+/// How a series is drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Look {
+    /// Points that a line joins.
+    Line,
+    /// A dashed line without points: a reference.
+    Dashed,
+    /// Points alone.
+    Dots,
+}
+
+impl Lines {
+    pub(super) fn draw<B: DrawingBackend>(&self, canvas: &Canvas<'_, B>) {
+        let (left, top, right, bottom) = FRAME;
+        let all = self.series.iter().flat_map(|series| &series.points);
+        let x = Scale::of(all.clone().map(|point| point.0), self.x.log);
+        let y = Scale::of(all.map(|point| point.1), self.y.log);
+        let place = |(px, py): (f64, f64)| {
+            (left + x.place(px) * (right - left), bottom - y.place(py) * (bottom - top))
+        };
+
+        // Axes.
+        canvas.words(&self.title, (left, 22.0), Anchor::Left, 1.15);
+        let values = self.series.iter().flat_map(|series| &series.points).map(|point| point.0);
+        for (value, label) in x.ticks_at(values) {
+            let at = left + x.place(value) * (right - left);
+            canvas.line(&[(at, top), (at, bottom)], GRID, 1.0, false);
+            canvas.words(&label, (at, bottom + 16.0), Anchor::Middle, 0.9);
+        }
+        for (value, label) in y.ticks() {
+            let at = bottom - y.place(value) * (bottom - top);
+            canvas.line(&[(left, at), (right, at)], GRID, 1.0, false);
+            canvas.words(&label, (left - 8.0, at), Anchor::Right, 0.9);
+        }
+        canvas.line(&[(left, top), (left, bottom), (right, bottom)], INK, 1.0, false);
+        canvas.words(&self.x.label, (right, f64::from(SIZE.1) - 18.0), Anchor::Right, 1.0);
+        canvas.words(&self.y.label, (left - 50.0, top - 18.0), Anchor::Left, 1.0);
+
+        // Series, and their names in the same order.
+        for (index, series) in self.series.iter().enumerate() {
+            let points: Vec<(f64, f64)> = series.points.iter().map(|point| place(*point)).collect();
+            let name = (right + 22.0, top + 8.0 + index as f64 * 22.0);
+            let sample = [name, (name.0 + 26.0, name.1)];
+            if series.look != Look::Dots {
+                let dashed = series.look == Look::Dashed;
+                canvas.line(&points, color(index), 2.0, dashed);
+                canvas.line(&sample, color(index), 2.0, dashed);
+            }
+            if series.look != Look::Dashed {
+                points.iter().for_each(|point| canvas.marker(*point, index));
+                canvas.marker((name.0 + 13.0, name.1), index);
+            }
+            canvas.words(&clipped(&series.name), (name.0 + 34.0, name.1), Anchor::Left, 0.85);
+        }
+    }
+}
+
+/// A name that fits beside the plot: its end tells more names apart than its start.
+pub(super) fn clipped(name: &str) -> String {
+    if name.chars().count() <= NAME_MAX {
+        return name.to_owned();
+    }
+    let skipped = name.chars().count() - (NAME_MAX - 1);
+    ['…'].into_iter().chain(name.chars().skip(skipped)).collect()
+}

@@ -1,0 +1,242 @@
+//! Studies: what to run, and everything that came out.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use std::collections::BTreeMap;
+
+use crate::run::RunReport;
+
+/// Version of the layout of [`StudyReport`].
+pub const STUDY_SCHEMA_VERSION: u32 = 1;
+
+/// A study as written in `configs/studies/*.json`: a base run, axes, and what to make of the results.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct StudyFile {
+    /// Name, as in the default folder of the results.
+    pub name: String,
+    /// The question, in one sentence.
+    #[serde(default)]
+    pub question: String,
+    /// The run that every point starts from.
+    #[serde(default)]
+    pub base: Base,
+    /// What is varied.
+    pub axes: Vec<StudyAxis>,
+    /// Which combinations of the axes are run.
+    #[serde(default)]
+    pub sampling: Sampling,
+    /// Points that are left out: those that agree with all values of one of these.
+    #[serde(default)]
+    pub exclude: Vec<BTreeMap<String, Value>>,
+    /// The number that is asked for: a path in the report, such as `total.ms` or `phases.soft.cycles`.
+    #[serde(default = "total_ms")]
+    pub metric: String,
+    /// Further columns of the table: paths in the report.
+    #[serde(default)]
+    pub columns: Vec<String>,
+    /// What to make of the results.
+    #[serde(default)]
+    pub analysis: Vec<AnalysisEntry>,
+}
+
+fn total_ms() -> String {
+    "total.ms".to_owned()
+}
+
+/// The run that every point of a study starts from.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Base {
+    /// A shipped scene, a scene file or a model; files are looked up beside the study file.
+    pub scene: String,
+    /// A shipped machine or a machine file.
+    pub machine: String,
+    /// Shadow algorithm with its options, as `-a` takes it.
+    pub algorithm: String,
+    /// How much of the machine is modeled.
+    pub fidelity: String,
+    /// Frames to run before the measured one.
+    pub warm_frames: u32,
+    /// Further changes: paths as in axes.
+    pub set: BTreeMap<String, Value>,
+}
+
+impl Default for Base {
+    fn default() -> Base {
+        Base {
+            scene: "saloon-small".to_owned(),
+            machine: "larrabee-24".to_owned(),
+            algorithm: "sism".to_owned(),
+            fidelity: "windowed".to_owned(),
+            warm_frames: 0,
+            set: BTreeMap::new(),
+        }
+    }
+}
+
+/// One thing that is varied: `values`, or for random sampling also a range from `min` to `max`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct StudyAxis {
+    /// A field of the machine (`cores`, `l2.capacity_bytes`), or one of `scene`, `machine`, `algorithm`, `fidelity`,
+    /// `warm_frames`, `time`, or a field of the scene (`scene.light.radius`).
+    pub path: String,
+    /// Values, in their order.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub values: Vec<Value>,
+    /// Least value of a range.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub min: Option<f64>,
+    /// Greatest value of a range.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub max: Option<f64>,
+    /// How values of a range are drawn.
+    #[serde(default, skip_serializing_if = "Draw::is_default")]
+    pub draw: Draw,
+}
+
+/// How values of a range are drawn.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Draw {
+    /// Evenly.
+    #[default]
+    Linear,
+    /// Evenly in the logarithm.
+    Log,
+    /// Whole numbers, evenly.
+    Integer,
+    /// Powers of two, evenly in the exponent.
+    PowerOfTwo,
+}
+
+impl Draw {
+    fn is_default(&self) -> bool {
+        *self == Draw::Linear
+    }
+}
+
+/// Which combinations of the axes are run.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Sampling {
+    /// Every combination; the last axis varies fastest.
+    #[default]
+    Grid,
+    /// The first values of all axes, then the second ones: axes have as many values each.
+    List,
+    /// The base, and every value of one axis at a time.
+    OneAtATime,
+    /// Values drawn at random, with a seed.
+    Random {
+        /// How many.
+        points: u32,
+        /// The same seed draws the same points.
+        seed: u64,
+    },
+}
+
+/// An analysis: its name, or its name with options.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(
+    untagged,
+    expecting = "an analysis is one of \"table\", \"speedup\", \"power_law\", \"pareto\", \"sensitivity\", or {\"kind\": one of these, \"x\": PATH, \"y\": PATH}"
+)]
+pub enum AnalysisEntry {
+    /// With its usual options.
+    Name(AnalysisKind),
+    /// With options.
+    Options(Analysis),
+}
+
+/// An analysis with its options.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Analysis {
+    /// Which.
+    pub kind: AnalysisKind,
+    /// What it is drawn over: an axis or a path in the report. The first axis of numbers if left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub x: Option<String>,
+    /// What is measured: a path in the report. The study's metric if left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub y: Option<String>,
+}
+
+/// What can be made of results.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum AnalysisKind {
+    /// Every point with its numbers.
+    Table,
+    /// How many times as fast as the first, and how much of that was to be had.
+    Speedup,
+    /// The exponent with its confidence interval.
+    PowerLaw,
+    /// The points that no other beats in both numbers.
+    Pareto,
+    /// What each axis does, the greatest first.
+    Sensitivity,
+}
+
+impl AnalysisEntry {
+    /// The analysis with its options.
+    pub fn options(&self) -> Analysis {
+        match self {
+            AnalysisEntry::Name(kind) => Analysis { kind: *kind, x: None, y: None },
+            AnalysisEntry::Options(analysis) => analysis.clone(),
+        }
+    }
+}
+
+/// Everything that came out of a study: `study.json`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct StudyReport {
+    /// Version of this layout.
+    pub schema_version: u32,
+    /// Version of the simulator.
+    pub lrbsim_version: String,
+    /// Version of what the simulator's numbers mean: raised when the same inputs give other numbers.
+    pub semantics: u32,
+    /// The study.
+    pub study: StudyFile,
+    /// Its points, in the order of the study.
+    pub points: Vec<StudyPoint>,
+}
+
+/// One point of a study.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct StudyPoint {
+    /// A value for each axis.
+    pub values: Vec<Value>,
+    /// Hash of everything that determines the point; empty if that could not be found out.
+    pub key: String,
+    /// Why there is no report.
+    pub error: Option<String>,
+    /// What was measured; the sources of the machine's numbers are left out.
+    pub report: Option<RunReport>,
+}
+
+impl StudyReport {
+    /// The bytes of `study.json`: a point a line.
+    pub fn to_json(&self) -> String {
+        let compact = |value: &StudyPoint| serde_json::to_string(value).expect("a point has string keys");
+        let head = StudyReport { points: Vec::new(), ..self.clone() };
+        let mut text = serde_json::to_string_pretty(&head).expect("a study has string keys");
+        let points: Vec<String> =
+            self.points.iter().map(|point| format!("\n    {}", compact(point))).collect();
+        let empty = text.rfind("[]").expect("the points come last, and were taken out");
+        text.replace_range(empty..empty + 2, &format!("[{}\n  ]", points.join(",")));
+        text.push('\n');
+        text
+    }
+
+    /// The report of the point with `values`.
+    pub fn at(&self, values: &[Value]) -> Option<&RunReport> {
+        self.points.iter().find(|point| point.values == values)?.report.as_ref()
+    }
+}

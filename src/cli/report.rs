@@ -1,0 +1,82 @@
+//! `lrbsim report`.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use lrbsim::outcomes::{Outcome, Written};
+use lrbsim::{frames, study};
+use lrbsim_reports::files::ResultDir;
+use lrbsim_reports::frames::FramesReport;
+use lrbsim_reports::page::{self, Picture};
+use lrbsim_reports::{HostReport, table};
+
+use super::Failure;
+
+#[derive(Debug, Args)]
+pub(crate) struct ReportArgs {
+    /// The folder of a run or a study; the page is written there.
+    dir: PathBuf,
+}
+
+pub(crate) fn run(args: &ReportArgs, out: &mut impl Write) -> Result<(), Failure> {
+    let written = Written::load(&args.dir)?;
+    let folder = &written.folder;
+    let files = match &written.outcome {
+        Outcome::Run(report) => {
+            let moving = moving(folder).filter(|moving| {
+                // Frames of an earlier run in this folder are not those of this report.
+                moving.frames.get(moving.worst_frame).is_some_and(|worst| worst.sha256 == report.image.sha256)
+            });
+            if let Some(moving) = moving {
+                let all = pictures(folder, &[("all frames", "animation.png")]);
+                let worst = pictures(
+                    folder,
+                    &[("the worst frame", "image.png"), ("visibility of the light", "visibility.png")],
+                );
+                let html = page::of_frames(&moving, report, &all, &worst);
+                let mut files = frames::drawings(&moving);
+                files.push(("report.html".to_owned(), html.into_bytes()));
+                return write(folder, &files, out);
+            }
+            let pictures =
+                pictures(folder, &[("shaded", "image.png"), ("visibility of the light", "visibility.png")]);
+            let html = page::of_run(report, host(folder).as_ref(), &pictures);
+            vec![
+                ("report.html".to_owned(), html.into_bytes()),
+                ("table.txt".to_owned(), table::render(report).into_bytes()),
+            ]
+        }
+        Outcome::Study(report) => study::drawings(report),
+    };
+    write(folder, &files, out)
+}
+
+fn write(folder: &Path, files: &[(String, Vec<u8>)], out: &mut impl Write) -> Result<(), Failure> {
+    let mut dir = ResultDir::open(folder).map_err(lrbsim::BadInput::from)?;
+    for (name, bytes) in files {
+        dir.stage(name, bytes).map_err(lrbsim::BadInput::from)?;
+    }
+    for path in dir.commit().map_err(lrbsim::BadInput::from)? {
+        writeln!(out, "wrote {}", path.display())?;
+    }
+    Ok(())
+}
+
+/// The frames of a moving scene whose worst frame the report is of.
+fn moving(folder: &Path) -> Option<FramesReport> {
+    serde_json::from_str(&std::fs::read_to_string(folder.join("frames.json")).ok()?).ok()
+}
+
+/// The pictures that are there.
+fn pictures(folder: &Path, names: &[(&str, &str)]) -> Vec<Picture> {
+    names
+        .iter()
+        .filter_map(|(title, name)| Some(Picture::png(title, &std::fs::read(folder.join(name)).ok()?)))
+        .collect()
+}
+
+/// What the run cost the host, if that is there: it is beside the results, not one of them.
+fn host(folder: &Path) -> Option<HostReport> {
+    serde_json::from_str(&std::fs::read_to_string(folder.join("host.json")).ok()?).ok()
+}

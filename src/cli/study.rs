@@ -1,0 +1,186 @@
+//! `lrbsim study`.
+
+use std::io::{IsTerminal as _, Write};
+use std::path::PathBuf;
+use std::sync::Mutex;
+use std::time::Duration;
+
+use clap::{Args, ValueEnum};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use lrbsim::BadInput;
+use lrbsim::results::spare_inputs;
+use lrbsim::study::{self, Options, Progress, Status, Study, run_study};
+use lrbsim_reports::analysis::findings;
+use lrbsim_reports::files::ResultDir;
+
+use super::Failure;
+
+/// Points at once at most: a host has no more threads.
+const JOBS_MAX: usize = 1024;
+
+#[derive(Debug, Args)]
+pub(crate) struct StudyArgs {
+    /// A shipped study or a study file (.json); see `lrbsim schema study`.
+    study: String,
+
+    /// Points to run at once, one host thread each [default: the host's threads].
+    #[arg(short, long, value_name = "N")]
+    jobs: Option<usize>,
+
+    /// Folder for the results [default: out/study-<name>].
+    #[arg(short, long, value_name = "DIR")]
+    out: Option<PathBuf>,
+
+    /// Folder of finished points, shared by studies.
+    #[arg(long, value_name = "DIR", default_value = "out/cache")]
+    cache: PathBuf,
+
+    /// What runs the points.
+    #[arg(long, default_value = "local")]
+    engine: EngineName,
+
+    /// Say first what is finished already. Finished points are never run again, with or without this.
+    #[arg(long)]
+    resume: bool,
+
+    /// Run a study of more than 10 000 points.
+    #[arg(long)]
+    yes: bool,
+
+    /// Print the results as JSON on standard output, and nothing else there.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum EngineName {
+    /// This machine.
+    Local,
+    /// A cluster that runs Slurm.
+    Slurm,
+}
+
+pub(crate) fn run(args: &StudyArgs, out: &mut impl Write) -> Result<bool, Failure> {
+    if args.engine == EngineName::Slurm {
+        return Err(BadInput::new("`--engine slurm` is not in this version")
+            .with_help("`--engine local` runs the points on this machine")
+            .into());
+    }
+    let jobs = match args.jobs {
+        None => std::thread::available_parallelism().map_or(1, |threads| threads.get()),
+        Some(jobs) if (1..=JOBS_MAX).contains(&jobs) => jobs,
+        Some(jobs) => {
+            return Err(BadInput::new(format!("`--jobs` is {jobs}; it must be from 1 to {JOBS_MAX}")).into());
+        }
+    };
+    let study = Study::load(&args.study, args.yes)?;
+    let target = args.out.clone().unwrap_or_else(|| study::default_dir(&study.file.name));
+    let inputs: Vec<PathBuf> = study.path.iter().cloned().collect();
+    spare_inputs(&target, &["study.json"], &inputs)?;
+    // Proves at once that the folder can be written.
+    ResultDir::open(&target)
+        .map_err(|error| BadInput::from(error).with_help("`-o` must name a folder that can be written"))?;
+
+    let visible = std::io::stderr().is_terminal();
+    let bar = Bar::new(visible, args.resume);
+    let again = format!("lrbsim study {}", args.study);
+    bar.on_interrupt(&again, &args.cache);
+    let options = Options { jobs, cache: args.cache.clone() };
+    let output = run_study(&study, &options, &bar)?;
+    bar.finish();
+
+    let status = output.status;
+    let paths = study::write(&target, &output.report)?;
+    if args.json {
+        out.write_all(output.report.to_json().as_bytes())?;
+        return Ok(status.failed == 0);
+    }
+    for (index, finding) in findings(&output.report).iter().enumerate() {
+        let gap = if index > 0 { "\n" } else { "" };
+        writeln!(out, "{gap}{}\n\n{}", finding.title, finding.sheet.terminal())?;
+        for note in &finding.notes {
+            writeln!(out, "{note}")?;
+        }
+    }
+    writeln!(
+        out,
+        "\n{} points: {} run, {} found in {}, {} failed; {:.1} s",
+        status.points,
+        status.computed,
+        status.found,
+        args.cache.display(),
+        status.failed,
+        status.seconds
+    )?;
+    let page = target.join("report.html");
+    writeln!(out, "wrote {}, study.json and {} more files beside it", page.display(), paths.len() - 2)?;
+    Ok(status.failed == 0)
+}
+
+/// Bar on standard error, measured in work and not in points: points differ in cost.
+struct Bar {
+    bar: ProgressBar,
+    visible: bool,
+    resume: bool,
+    state: std::sync::Arc<Mutex<Option<Status>>>,
+}
+
+impl Bar {
+    fn new(visible: bool, resume: bool) -> Bar {
+        let target =
+            if visible { ProgressDrawTarget::stderr_with_hz(10) } else { ProgressDrawTarget::hidden() };
+        let bar = ProgressBar::with_draw_target(Some(1000), target);
+        let style = ProgressStyle::with_template("{prefix} {wide_bar} {percent}% {msg}");
+        bar.set_style(style.expect("the template is a constant"));
+        if visible {
+            bar.enable_steady_tick(Duration::from_millis(100));
+        }
+        Bar { bar, visible, resume, state: std::sync::Arc::default() }
+    }
+
+    fn finish(&self) {
+        self.bar.finish_and_clear();
+    }
+
+    /// On Ctrl-C, says what is kept and how to go on.
+    fn on_interrupt(&self, again: &str, cache: &std::path::Path) {
+        let (bar, state) = (self.bar.clone(), self.state.clone());
+        let text = format!("finished points are kept in {}; `{again}` goes on from there", cache.display());
+        let handler = move || {
+            bar.finish_and_clear();
+            let status = state.lock().ok().and_then(|status| *status).unwrap_or_default();
+            let done = status.found + status.computed;
+            eprintln!("stopped with {done} of {} points finished; {text}", status.points);
+            std::process::exit(130);
+        };
+        // Without a handler, Ctrl-C still keeps what is finished; it only does not say so.
+        let _ = ctrlc::set_handler(handler);
+    }
+}
+
+impl Progress for Bar {
+    fn status(&self, status: &Status) {
+        let first = self.state.lock().map(|mut last| last.replace(*status).is_none()).unwrap_or(false);
+        if first && self.resume {
+            let left = status.points - status.found - status.failed;
+            let text = format!("{} of {} points are finished; {left} are left", status.found, status.points);
+            if self.visible { self.bar.println(text) } else { eprintln!("{text}") }
+        }
+        let done = status.found + status.computed + status.failed;
+        self.bar.set_prefix(format!("{done}/{} points", status.points));
+        self.bar.set_position((status.part_done * 1000.0) as u64);
+        let rate = status.computed as f64 / status.seconds.max(1e-3) * 60.0;
+        let left =
+            status.seconds_left.map_or_else(|| "? left".to_owned(), |left| format!("{} left", clock(left)));
+        self.bar.set_message(format!("{rate:.1} points/min {left}"));
+    }
+}
+
+/// `75` as `1:15`.
+fn clock(seconds: f64) -> String {
+    let seconds = seconds.ceil() as u64;
+    match seconds / 3600 {
+        0 => format!("{}:{:02}", seconds / 60, seconds % 60),
+        hours => format!("{hours}:{:02}:{:02}", seconds / 60 % 60, seconds % 60),
+    }
+}

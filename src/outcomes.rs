@@ -1,0 +1,159 @@
+//! Results that were written earlier: of a run or of a study.
+
+use std::path::{Path, PathBuf};
+
+use lrbsim_reports::RunReport;
+use lrbsim_reports::compare::{Comparison, PictureChange, compare, picture_change, sum};
+use lrbsim_reports::study::StudyReport;
+use serde::de::DeserializeOwned;
+use serde_json::Value;
+
+use crate::error::BadInput;
+use crate::json;
+
+/// Results in a folder.
+#[derive(Debug, Clone)]
+pub enum Outcome {
+    /// Of one run.
+    Run(Box<RunReport>),
+    /// Of a study.
+    Study(Box<StudyReport>),
+}
+
+/// Results, and the folder where they lie.
+#[derive(Debug, Clone)]
+pub struct Written {
+    /// What they say.
+    pub outcome: Outcome,
+    /// Where other files of theirs are.
+    pub folder: PathBuf,
+}
+
+impl Written {
+    /// Reads the results at `path`: a folder with `report.json` or `study.json`, or one of these files.
+    pub fn load(path: &Path) -> Result<Written, BadInput> {
+        let file = if path.is_dir() {
+            let names = ["study.json", "report.json"].map(|name| path.join(name));
+            let found: Vec<&PathBuf> = names.iter().filter(|file| file.is_file()).collect();
+            match found[..] {
+                [file] => file.clone(),
+                [] => {
+                    return Err(BadInput::new(format!(
+                        "`{}` has neither `report.json` nor `study.json`",
+                        path.display()
+                    ))
+                    .with_help(
+                        "name a folder that `lrbsim run -o` or `lrbsim study -o` wrote, or such a file",
+                    ));
+                }
+                _ => {
+                    return Err(BadInput::new(format!(
+                        "`{}` has both `report.json` and `study.json`",
+                        path.display()
+                    ))
+                    .with_help("name one of these files"));
+                }
+            }
+        } else {
+            path.to_owned()
+        };
+        let text = std::fs::read_to_string(&file).map_err(|error| BadInput::unreadable(&file, &error))?;
+        let shown = file.display().to_string();
+        // Which of the two it is, its fields tell.
+        let tree: Value = json::read(&shown, &text)?;
+        let outcome = if tree.get("points").is_some() {
+            Outcome::Study(Box::new(read_versioned(&shown, &text)?))
+        } else {
+            Outcome::Run(Box::new(read_versioned(&shown, &text)?))
+        };
+        Ok(Written { outcome, folder: file.parent().unwrap_or(Path::new("")).to_owned() })
+    }
+}
+
+fn read_versioned<T: DeserializeOwned>(shown: &str, text: &str) -> Result<T, BadInput> {
+    json::read(shown, text).map_err(|bad: BadInput| {
+        bad.with_help(
+            "results of another version of lrbsim may have other fields; make them again with this one",
+        )
+    })
+}
+
+/// What changed between two results.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Changes {
+    /// The whole: of a study, the sum over the points that both have.
+    pub whole: Comparison,
+    /// Of studies: values of each point that both have, and what changed there.
+    pub points: Vec<(Vec<Value>, Comparison)>,
+    /// Of studies: points that only one has, or that failed in one.
+    pub unmatched: usize,
+}
+
+impl Changes {
+    /// Compares two results of a kind.
+    pub fn between(a: &Written, b: &Written) -> Result<Changes, BadInput> {
+        match (&a.outcome, &b.outcome) {
+            (Outcome::Run(run_a), Outcome::Run(run_b)) => {
+                let picture = picture_between(run_a, run_b, Some((&a.folder, &b.folder)));
+                Ok(Changes { whole: compare(run_a, run_b, picture), points: Vec::new(), unmatched: 0 })
+            }
+            (Outcome::Study(a), Outcome::Study(b)) => of_studies(a, b),
+            _ => Err(BadInput::new("one is a run and the other a study").with_help("compare two of a kind")),
+        }
+    }
+
+    /// The greatest slowdown in percent, of the whole or of any point; `None` where nothing is timed.
+    pub fn slowdown_percent(&self) -> Option<f64> {
+        let all = std::iter::once(&self.whole).chain(self.points.iter().map(|(_, point)| point));
+        all.filter_map(|part| part.total.and_then(|total| total.percent())).reduce(f64::max)
+    }
+}
+
+fn of_studies(a: &StudyReport, b: &StudyReport) -> Result<Changes, BadInput> {
+    let axes = |study: &StudyReport| -> Vec<String> {
+        study.study.axes.iter().map(|axis| axis.path.clone()).collect()
+    };
+    if axes(a) != axes(b) {
+        return Err(BadInput::new(format!(
+            "the studies have other axes: {} and {}",
+            axes(a).join(", "),
+            axes(b).join(", ")
+        ))
+        .with_help("compare studies over the same axes"));
+    }
+    let mut points = Vec::new();
+    let mut unmatched = 0;
+    for point in &a.points {
+        match (&point.report, b.at(&point.values)) {
+            (Some(left), Some(right)) => {
+                let picture = picture_between(left, right, None);
+                points.push((point.values.clone(), compare(left, right, picture)));
+            }
+            _ => unmatched += 1,
+        }
+    }
+    unmatched +=
+        b.points.iter().filter(|point| !a.points.iter().any(|other| other.values == point.values)).count();
+    if points.is_empty() {
+        return Err(BadInput::new("the studies have no point in common"));
+    }
+    let parts: Vec<Comparison> = points.iter().map(|(_, part)| part.clone()).collect();
+    let mut whole = sum(&parts);
+    // What differs in every point alike is what the studies differ in.
+    whole.inputs = parts[0].inputs.clone();
+    whole.inputs.retain(|difference| parts.iter().all(|part| part.inputs.contains(difference)));
+    Ok(Changes { whole, points, unmatched })
+}
+
+/// What differs between two pictures: by their hashes, and by the pictures themselves where there are any.
+fn picture_between(a: &RunReport, b: &RunReport, folders: Option<(&Path, &Path)>) -> PictureChange {
+    let size = |report: &RunReport| (report.scene.width, report.scene.height);
+    if size(a) != size(b) {
+        return PictureChange::OtherSize;
+    }
+    if a.image.sha256 == b.image.sha256 {
+        return PictureChange::Same;
+    }
+    let read = |folder: &Path| std::fs::read(folder.join("visibility.png")).ok();
+    folders.and_then(|(a, b)| picture_change(&read(a)?, &read(b)?)).unwrap_or(PictureChange::Differs)
+}

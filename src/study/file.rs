@@ -1,0 +1,209 @@
+//! Study files: read, and checked as far as can be without running anything.
+
+use std::path::{Path, PathBuf};
+
+use lrbsim_reports::study::{Sampling, StudyFile};
+
+use super::points::{self, Point};
+use super::recipe::{Fault, Recipe};
+use crate::error::BadInput;
+use crate::inputs::{looks_like_file, unknown_name};
+use crate::json::{self, Spots};
+
+/// Name and text of each shipped study.
+const STUDIES: [(&str, &str); 2] = [
+    ("cores", include_str!("../../configs/studies/cores.json")),
+    ("orbit", include_str!("../../configs/studies/orbit.json")),
+];
+
+/// Points that are run without being asked twice.
+pub(super) const POINTS_WITHOUT_YES: u64 = 10_000;
+
+/// Points at most: their list alone would fill the memory.
+pub(super) const POINTS_MAX: u64 = 1_000_000;
+
+/// Names of the shipped studies.
+pub fn builtin_study_names() -> Vec<&'static str> {
+    STUDIES.iter().map(|(name, _)| *name).collect()
+}
+
+/// A study that was read and checked.
+#[derive(Debug, Clone)]
+pub struct Study {
+    /// As it was written.
+    pub file: StudyFile,
+    /// The file it was read from; `None` for a shipped one.
+    pub path: Option<PathBuf>,
+    pub(super) points: Vec<Point>,
+}
+
+impl Study {
+    /// Loads a shipped study by name or one from a file. `yes` allows more points than one would start by mistake.
+    pub fn load(name: &str, yes: bool) -> Result<Study, BadInput> {
+        if let Some((_, text)) = STUDIES.iter().find(|(known, _)| *known == name) {
+            return Study::from_text(&format!("{name}.json"), text, None, yes);
+        }
+        if !looks_like_file(name, "json") {
+            return Err(unknown_name(name, "study", "FILE.json", &builtin_study_names()));
+        }
+        let path = PathBuf::from(name);
+        let text = std::fs::read_to_string(&path).map_err(|error| BadInput::unreadable(&path, &error))?;
+        Study::from_text(name, &text, Some(path), yes)
+    }
+
+    /// Reads the study in the text of a file.
+    pub fn from_text(shown: &str, text: &str, path: Option<PathBuf>, yes: bool) -> Result<Study, BadInput> {
+        let file: StudyFile = json::read(shown, text)?;
+        let spots = Spots::of(text);
+        let at = |bad: BadInput, place: &str, label: &str| match spots.value(place) {
+            Some(span) => bad.at(shown, text, span, label.to_owned()),
+            None => bad,
+        };
+        check_axes(&file, &at)?;
+
+        // How many, before the list of them is made.
+        let count = points::count(&file);
+        if count > POINTS_MAX || (count > POINTS_WITHOUT_YES && !yes) {
+            let bad = BadInput::new(format!("the study has {count} points"));
+            let help = if count > POINTS_MAX {
+                format!(
+                    "at most {POINTS_MAX} can be run: take values away, or use `\"sampling\": {{\"random\": …}}`"
+                )
+            } else {
+                format!(
+                    "more than {POINTS_WITHOUT_YES} are run only with `--yes`; `\"sampling\": {{\"random\": …}}` takes a part of a grid"
+                )
+            };
+            return Err(at(bad.with_help(help), "axes", "these axes"));
+        }
+
+        // Every part that is named is tried once: a wrong path or type is found here, with its place.
+        let folder = path.as_deref().and_then(Path::parent).unwrap_or(Path::new("")).to_owned();
+        let base = Recipe::of_base(&file.base, &folder).map_err(|bad| at(bad, "base", "this base"))?;
+        base.try_names().map_err(|bad| at(bad, "base", "this base"))?;
+        if !file.axes.iter().any(|axis| axis.path == "scene") {
+            base.try_scene().map_err(|bad| at(bad, "base", "this base"))?;
+        }
+        for (index, axis) in file.axes.iter().enumerate() {
+            let values = points::examples(axis);
+            for (number, value) in values.iter().enumerate() {
+                let place = if axis.values.is_empty() {
+                    format!("axes[{index}]")
+                } else {
+                    format!("axes[{index}].values[{number}]")
+                };
+                let path_place = format!("axes[{index}].path");
+                let mut recipe = base.clone();
+                let set = recipe.set(&axis.path, value);
+                let tried = if axis.path == "scene" {
+                    set.and_then(|()| recipe.try_scene().map_err(|bad| (bad, Fault::Value)))
+                } else {
+                    set
+                };
+                tried.map_err(|(bad, fault)| {
+                    let (place, label) = match fault {
+                        Fault::Path => (&path_place, "no such path"),
+                        Fault::Value => (&place, "this value"),
+                    };
+                    at(bad, place, label)
+                })?;
+            }
+        }
+        for (index, excluded) in file.exclude.iter().enumerate() {
+            if let Some(path) = excluded.keys().find(|path| !file.axes.iter().any(|axis| axis.path == **path))
+            {
+                let axes: Vec<&str> = file.axes.iter().map(|axis| axis.path.as_str()).collect();
+                let bad = BadInput::new(format!("`exclude[{index}]` names `{path}`, which is no axis"))
+                    .with_help(format!("axes: {}", axes.join(", ")));
+                return Err(at(bad, &format!("exclude[{index}]"), "this exclusion"));
+            }
+        }
+        let points = points::expand(&file, &base)?;
+        if points.is_empty() {
+            return Err(at(
+                BadInput::new("all points of the study are excluded"),
+                "exclude",
+                "these exclusions",
+            ));
+        }
+        Ok(Study { file, path, points })
+    }
+
+    /// Points of the study.
+    pub fn len(&self) -> usize {
+        self.points.len()
+    }
+
+    /// A study has at least one point.
+    pub fn is_empty(&self) -> bool {
+        self.points.is_empty()
+    }
+}
+
+/// Axes have values, or a range where ranges are drawn from; each path once; lists are of one length.
+fn check_axes(file: &StudyFile, at: &dyn Fn(BadInput, &str, &str) -> BadInput) -> Result<(), BadInput> {
+    if file.axes.is_empty() {
+        return Err(at(
+            BadInput::new("the study has no axes")
+                .with_help("`axes` must have at least one: {\"path\": …, \"values\": […]}"),
+            "axes",
+            "no axes",
+        ));
+    }
+    let random = matches!(file.sampling, Sampling::Random { .. });
+    for (index, axis) in file.axes.iter().enumerate() {
+        let place = format!("axes[{index}]");
+        let path = &axis.path;
+        if file.axes[..index].iter().any(|other| other.path == *path) {
+            let bad = BadInput::new(format!("the axis `{path}` is there twice"))
+                .with_help("put all values in one axis");
+            return Err(at(bad, &format!("{place}.path"), "there already"));
+        }
+        match (axis.values.is_empty(), axis.min, axis.max) {
+            (false, None, None) => {}
+            (false, _, _) => {
+                let bad = BadInput::new(format!("the axis `{path}` has values and a range"))
+                    .with_help("keep one of them");
+                return Err(at(bad, &place, "this axis"));
+            }
+            (true, Some(min), Some(max)) if random => {
+                let positive = matches!(
+                    axis.draw,
+                    lrbsim_reports::study::Draw::Log | lrbsim_reports::study::Draw::PowerOfTwo
+                );
+                if min > max || (positive && min <= 0.0) {
+                    let right = if positive { "0 < `min` <= `max`" } else { "`min` <= `max`" };
+                    let bad = BadInput::new(format!(
+                        "the axis `{path}` goes from {min} to {max}; it must be {right}"
+                    ));
+                    return Err(at(bad, &place, "this range"));
+                }
+            }
+            (true, None, None) => {
+                let bad = BadInput::new(format!("the axis `{path}` has no values")).with_help(
+                    "`values` must have at least one; random sampling can also draw from `min` to `max`",
+                );
+                return Err(at(bad, &place, "no values"));
+            }
+            (true, _, _) => {
+                let bad = BadInput::new(format!("the axis `{path}` has a range, which can only be drawn from at random"))
+                    .with_help("give `values`, or both `min` and `max` and `\"sampling\": {\"random\": {\"points\": N, \"seed\": S}}`");
+                return Err(at(bad, &place, "this range"));
+            }
+        }
+    }
+    if file.sampling == Sampling::List
+        && let Some((index, axis)) =
+            file.axes.iter().enumerate().find(|(_, axis)| axis.values.len() != file.axes[0].values.len())
+    {
+        let bad = BadInput::new(format!(
+            "the axis `{}` has {} values and `{}` has {}; a list takes as many from each",
+            axis.path,
+            axis.values.len(),
+            file.axes[0].path,
+            file.axes[0].values.len()
+        ));
+        return Err(at(bad, &format!("axes[{index}].values"), "another length"));
+    }
+    Ok(())
+}

@@ -1,0 +1,157 @@
+//! How long the rest of a study takes, also when its points differ a hundredfold in cost.
+
+/// What is known about the cost of a study's points.
+///
+/// A point has an estimate of its work. Host seconds per work are learned from finished points of the same kind; where
+/// there is none yet, from all finished points.
+#[derive(Debug, Clone)]
+pub struct Forecast {
+    points: Vec<Cost>,
+}
+
+#[derive(Debug, Clone)]
+struct Cost {
+    work: f64,
+    kind: String,
+    state: State,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum State {
+    Waiting,
+    /// Since this second.
+    Running(f64),
+    /// In this many seconds.
+    Done(f64),
+    /// Of unknown cost: failed, or not run.
+    Gone,
+}
+
+impl Forecast {
+    /// Points of known work and kind, none of them begun.
+    pub fn new(points: impl Iterator<Item = (f64, String)>) -> Forecast {
+        let cost = |(work, kind)| Cost { work, kind, state: State::Waiting };
+        Forecast { points: points.map(cost).collect() }
+    }
+
+    /// A point begins at second `now`.
+    pub fn begin(&mut self, point: usize, now: f64) {
+        self.points[point].state = State::Running(now);
+    }
+
+    /// A point took this long, now or earlier.
+    pub fn done(&mut self, point: usize, seconds: f64) {
+        self.points[point].state = State::Done(seconds.max(1e-3));
+    }
+
+    /// A point will not be run, or has failed.
+    pub fn gone(&mut self, point: usize) {
+        self.points[point].state = State::Gone;
+    }
+
+    /// Seconds that a point takes; `None` while nothing is finished.
+    fn seconds(&self, point: &Cost) -> Option<f64> {
+        let rate = |alike: &dyn Fn(&Cost) -> bool| {
+            let (mut seconds, mut work) = (0.0, 0.0);
+            for done in self.points.iter().filter(|other| alike(other)) {
+                if let State::Done(took) = done.state {
+                    seconds += took;
+                    work += done.work;
+                }
+            }
+            (work > 0.0).then(|| seconds / work)
+        };
+        Some(point.work * rate(&|other| other.kind == point.kind).or_else(|| rate(&|_| true))?)
+    }
+
+    /// Seconds from `now` to the end with `jobs` points at once; `None` while nothing is known.
+    pub fn left(&self, now: f64, jobs: usize) -> Option<f64> {
+        let (mut sum, mut longest) = (0.0, 0.0_f64);
+        for point in &self.points {
+            let left = match point.state {
+                State::Waiting => self.seconds(point)?,
+                // A point that takes longer than was thought is believed to be nearly done, never to be done.
+                State::Running(since) => {
+                    let whole = self.seconds(point)?;
+                    (whole - (now - since)).max(whole * 0.05)
+                }
+                State::Done(_) | State::Gone => 0.0,
+            };
+            sum += left;
+            longest = longest.max(left);
+        }
+        Some((sum / jobs.max(1) as f64).max(longest))
+    }
+
+    /// Part of the whole work that is done, in [0, 1].
+    pub fn part_done(&self, now: f64) -> f64 {
+        let (mut done, mut all) = (0.0, 0.0);
+        for point in &self.points {
+            let part = match point.state {
+                State::Waiting => 0.0,
+                State::Running(since) => {
+                    self.seconds(point).map_or(0.0, |whole| ((now - since) / whole).clamp(0.0, 0.95))
+                }
+                State::Done(_) | State::Gone => 1.0,
+            };
+            done += part * point.work;
+            all += point.work;
+        }
+        if all > 0.0 { done / all } else { 1.0 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Work of points that differ a hundredfold, dear ones last, and of two kinds whose rates differ tenfold.
+    fn points() -> Vec<(f64, String, f64)> {
+        let work = [1.0, 2.0, 1.0, 5.0, 20.0, 100.0, 50.0, 100.0];
+        let kinds = ["windowed", "cycle"];
+        (0..8)
+            .map(|i| {
+                let kind = kinds[i % 2];
+                let noise = 1.0 + 0.1 * ((i * 7 % 5) as f64 - 2.0) / 2.0;
+                (work[i], kind.to_owned(), work[i] * noise * if kind == "cycle" { 10.0 } else { 1.0 })
+            })
+            .collect()
+    }
+
+    #[test]
+    fn the_time_left_is_true_when_points_differ_a_hundredfold() {
+        let points = points();
+        let mut forecast = Forecast::new(points.iter().map(|(work, kind, _)| (*work, kind.clone())));
+        let mut now = 0.0;
+        assert_eq!(forecast.left(now, 1), None, "nothing is known yet");
+        for (index, (_, _, seconds)) in points.iter().enumerate() {
+            forecast.begin(index, now);
+            now += seconds;
+            forecast.done(index, *seconds);
+            let truth: f64 = points[index + 1..].iter().map(|point| point.2).sum();
+            let left = forecast.left(now, 1).expect("something is known");
+            // From the second point on, both kinds are known, as well as points of one kind are alike: within a tenth.
+            if index >= 1 {
+                assert!((left - truth).abs() <= 0.2 * truth, "after {index}: {left} of {truth}");
+            }
+        }
+        assert_eq!((forecast.left(now, 1), forecast.part_done(now)), (Some(0.0), 1.0));
+    }
+
+    #[test]
+    fn one_long_point_is_not_shared_between_jobs() {
+        let mut forecast = Forecast::new([(1.0, String::new()), (100.0, String::new())].into_iter());
+        forecast.done(0, 1.0);
+        forecast.begin(1, 1.0);
+        assert_eq!(forecast.left(1.0, 8), Some(100.0));
+        assert_eq!(forecast.left(51.0, 8), Some(50.0));
+        assert_eq!(forecast.left(500.0, 8), Some(5.0));
+    }
+
+    #[test]
+    fn finished_points_of_an_earlier_run_teach_too() {
+        let mut forecast = Forecast::new([(1.0, String::new()), (4.0, String::new())].into_iter());
+        forecast.done(0, 2.0);
+        assert_eq!((forecast.left(0.0, 1), forecast.part_done(0.0)), (Some(8.0), 0.2));
+    }
+}

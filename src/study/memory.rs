@@ -1,0 +1,73 @@
+//! Whether the host has room for one more point.
+
+use lrbsim_workloads::Scene;
+
+use crate::inputs::Machine;
+
+/// Bytes of a point besides what follows.
+const BASE_BYTES: u64 = 64 << 20;
+
+/// Bytes a pixel: eye view, receivers, their columns and the picture.
+const PIXEL_BYTES: u64 = 400;
+
+/// Bytes a triangle: mesh, adjacency, hierarchy of the eye view, records of the bins.
+const TRIANGLE_BYTES: u64 = 2500;
+
+/// Bytes a line of a cache: tag, state, and its directory entry.
+const LINE_BYTES: u64 = 40;
+
+/// Bytes a simulated hardware thread: its stream of uops.
+const THREAD_BYTES: u64 = 1 << 20;
+
+/// Memory that a point takes, generously.
+pub fn estimate(scene: &Scene, machine: &Machine) -> u64 {
+    let config = &machine.config;
+    let pixels = u64::from(scene.image.width) * u64::from(scene.image.height);
+    let cores = u64::from(config.cores);
+    let lines = (config.l1d.capacity_bytes + config.l2.capacity_bytes) / 64;
+    BASE_BYTES
+        .saturating_add(pixels * PIXEL_BYTES)
+        .saturating_add(scene.mesh.triangles.len() as u64 * TRIANGLE_BYTES)
+        .saturating_add(cores.saturating_mul(lines).saturating_mul(LINE_BYTES))
+        .saturating_add(cores.saturating_mul(u64::from(config.threads_per_core)).saturating_mul(THREAD_BYTES))
+}
+
+/// Memory that points may take together: most of what is available, or no bound where the host does not tell.
+pub fn budget() -> u64 {
+    let text = std::fs::read_to_string("/proc/meminfo").unwrap_or_default();
+    let host = available(&text).unwrap_or(u64::MAX);
+    // A container may be given less than the host has.
+    let limit = std::fs::read_to_string("/sys/fs/cgroup/memory.max").ok();
+    let used = std::fs::read_to_string("/sys/fs/cgroup/memory.current").ok();
+    let number = |text: Option<String>| text.and_then(|text| text.trim().parse::<u64>().ok());
+    let container = number(limit).map(|limit| limit.saturating_sub(number(used).unwrap_or(0)));
+    host.min(container.unwrap_or(u64::MAX)) / 10 * 9
+}
+
+fn available(meminfo: &str) -> Option<u64> {
+    let line = meminfo.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
+    let kibibytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(kibibytes * 1024)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_available_is_found() {
+        assert_eq!(available("MemTotal: 9 kB\nMemAvailable:   2048 kB\n"), Some(2 << 20));
+        assert_eq!(available(""), None);
+    }
+
+    #[test]
+    fn more_of_anything_takes_more() {
+        let scene = crate::inputs::scene("tiny").expect("shipped");
+        let load = |settings: &[&str]| {
+            let settings: Vec<_> = settings.iter().map(|text| text.parse().expect("PATH=VALUE")).collect();
+            estimate(&scene, &Machine::load("larrabee-24", &settings).expect("sound"))
+        };
+        assert!(load(&["cores=1"]) < load(&[]) && load(&[]) < load(&["cores=1024"]));
+        assert!(load(&["cores=1024"]) < 8 << 30, "{}", load(&["cores=1024"]));
+    }
+}

@@ -1,0 +1,285 @@
+//! Studies: the same results whatever interrupts them, and nothing run twice.
+
+mod common;
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::process::Stdio;
+use std::time::{Duration, SystemTime};
+
+use common::{Folder, lrbsim, names};
+use lrbsim_reports::study::StudyReport;
+
+/// Eight quick points.
+const STUDY: &str = r#"{
+  "name": "small",
+  "base": {"scene": "tiny"},
+  "axes": [
+    {"path": "cores", "values": [1, 2, 4, 8]},
+    {"path": "l2.capacity_bytes", "values": [131072, 262144]}
+  ],
+  "analysis": ["table", "speedup", "pareto", "power_law", "sensitivity"]
+}
+"#;
+
+fn results(folder: &Folder, name: &str) -> StudyReport {
+    let text = std::fs::read_to_string(folder.path(name)).expect("the study left its results");
+    serde_json::from_str(&text).expect("its own JSON")
+}
+
+/// Files of a cache, and when each was written.
+fn finished(cache: &Path) -> BTreeMap<String, SystemTime> {
+    let mut files = BTreeMap::new();
+    if !cache.exists() {
+        return files;
+    }
+    for group in names(cache) {
+        for name in names(&cache.join(&group)) {
+            if name.ends_with(".json") {
+                let meta = std::fs::metadata(cache.join(&group).join(&name)).expect("it is there");
+                files.insert(name, meta.modified().expect("the host keeps times"));
+            }
+        }
+    }
+    files
+}
+
+#[test]
+fn a_study_leaves_tables_plots_and_its_results() {
+    let folder = Folder::new();
+    folder.write("small.json", STUDY);
+    let printed = folder.run(&["study", "small.json"]).ok().stdout();
+    assert!(printed.contains("8 points: 8 run, 0 found in out/cache, 0 failed"), "{printed}");
+    let left = names(&folder.path("out/study-small"));
+    for stem in ["table", "speedup", "pareto", "power_law", "sensitivity"] {
+        for ending in ["csv", "svg", "png"] {
+            assert!(left.contains(&format!("{stem}.{ending}")), "{stem}.{ending}: {left:?}");
+        }
+    }
+    assert!(left.contains(&"table.md".to_owned()) && left.contains(&"study.json".to_owned()), "{left:?}");
+    assert!(left.iter().all(|name| !name.starts_with('.')), "nothing half: {left:?}");
+
+    let study = results(&folder, "out/study-small/study.json");
+    let one = study.at(&[1.into(), 262144.into()]).expect("a point of the study");
+    assert_eq!(one.machine.cores, 1);
+    // A point is what `run` gives for the same machine.
+    let report =
+        folder.run(&["run", "tiny", "--json", "--set", "cores=1", "--set", "l2.capacity_bytes=262144"]);
+    let mut report: lrbsim_reports::RunReport =
+        serde_json::from_str(&report.ok().stdout()).expect("a report");
+    report.machine.sources.clear();
+    assert_eq!(*one, report);
+
+    // Again: nothing is run, and the results are the same bytes.
+    let read = |name: &str| std::fs::read(folder.path(&format!("out/study-small/{name}"))).expect("readable");
+    let before: Vec<Vec<u8>> = left.iter().map(|name| read(name)).collect();
+    let printed = folder.run(&["study", "small.json", "-j", "1"]).ok().stdout();
+    assert!(printed.contains("8 points: 0 run, 8 found in out/cache, 0 failed"), "{printed}");
+    assert_eq!(left.iter().map(|name| read(name)).collect::<Vec<_>>(), before);
+}
+
+#[test]
+fn a_study_that_is_killed_goes_on_where_it_was() {
+    let folder = Folder::new();
+    // As many points as ten kills leave unfinished on a quiet host.
+    let cycle = STUDY
+        .replace("\"scene\": \"tiny\"", "\"scene\": \"tiny\", \"fidelity\": \"cycle\"")
+        .replace("[1, 2, 4, 8]", "[1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16]");
+    folder.write("small.json", &cycle);
+    let cache = folder.path("out/cache");
+    let mut kept: BTreeMap<String, SystemTime> = BTreeMap::new();
+    // Ten moments that differ, drawn once and for all: from the start of the process to the end of the study.
+    for milliseconds in [3_u64, 390, 41, 170, 260, 90, 530, 12, 330, 210] {
+        let mut child = lrbsim()
+            .current_dir(folder.path(""))
+            .args(["study", "small.json", "-j", "1"])
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .expect("the binary starts");
+        std::thread::sleep(Duration::from_millis(milliseconds));
+        child.kill().expect("it can be killed");
+        child.wait().expect("it ends");
+        let now = finished(&cache);
+        for (name, time) in &kept {
+            assert_eq!(now.get(name), Some(time), "{name} was computed twice");
+        }
+        kept = now;
+    }
+    let printed = folder.run(&["study", "small.json", "--json"]).ok().stdout();
+    let now = finished(&cache);
+    assert_eq!(now.len(), 32);
+    assert!(kept.iter().all(|(name, time)| now.get(name) == Some(time)));
+
+    // No broken file, and the results of a study that nobody killed.
+    for group in names(&cache) {
+        for name in names(&cache.join(&group)) {
+            assert!(name.ends_with(".json"), "{name} is left");
+        }
+    }
+    assert!(names(&folder.path("out/study-small")).iter().all(|name| !name.starts_with('.')));
+    let undisturbed = Folder::new();
+    undisturbed.write("small.json", &cycle);
+    assert_eq!(undisturbed.run(&["study", "small.json", "--json"]).ok().stdout(), printed);
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_study_says_how_to_go_on() {
+    let folder = Folder::new();
+    // Long enough to be interrupted: its dear point is run first.
+    folder.write("long.json", &STUDY.replace("\"tiny\"", "\"saloon-small\", \"fidelity\": \"cycle\""));
+    let child = lrbsim()
+        .current_dir(folder.path(""))
+        .args(["study", "long.json", "-j", "1"])
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the binary starts");
+    std::thread::sleep(Duration::from_millis(1500));
+    let killed = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+    assert!(killed.expect("`kill` is there").success());
+    let output = child.wait_with_output().expect("it ends");
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(130), "{message}");
+    for part in
+        ["stopped with ", " of 8 points finished", "kept in out/cache", "`lrbsim study long.json` goes on"]
+    {
+        assert!(message.contains(part), "`{part}` is not in {message}");
+    }
+}
+
+#[test]
+fn two_studies_at_once_share_their_points() {
+    let folder = Folder::new();
+    folder.write("small.json", STUDY);
+    let start = |out: &str| {
+        lrbsim()
+            .current_dir(folder.path(""))
+            .args(["study", "small.json", "-j", "2", "-o", out])
+            .stdout(Stdio::piped())
+            .spawn()
+            .expect("the binary starts")
+    };
+    let both = [start("a"), start("b")].map(|child| child.wait_with_output().expect("it ends"));
+    let run: u32 = both
+        .iter()
+        .map(|output| {
+            assert_eq!(output.status.code(), Some(0));
+            let text = String::from_utf8_lossy(&output.stdout).into_owned();
+            let line = text.lines().find(|line| line.starts_with("8 points: ")).expect("a summary");
+            let run = line["8 points: ".len()..].split(' ').next().expect("a number");
+            run.parse::<u32>().expect("a number")
+        })
+        .sum();
+    assert_eq!(run, 8, "each point once, by one or the other");
+    assert_eq!(results(&folder, "a/study.json"), results(&folder, "b/study.json"));
+}
+
+#[test]
+fn a_failing_point_is_recorded_and_the_others_go_on() {
+    let folder = Folder::new();
+    // 100 ways are no cache, beside any other value.
+    folder.write(
+        "some.json",
+        &STUDY.replace("l2.capacity_bytes", "l2.ways").replace("131072, 262144", "8, 100"),
+    );
+    let done = folder.run(&["study", "some.json"]);
+    assert_eq!(done.code(), Some(1), "{}", done.stderr());
+    assert!(done.stdout().contains("8 points: 4 run, 0 found in out/cache, 4 failed"), "{}", done.stdout());
+    let study = results(&folder, "out/study-small/study.json");
+    for point in &study.points {
+        assert_eq!(point.report.is_some(), point.values[1] == 8);
+        let error = point.error.clone().unwrap_or_default();
+        assert_eq!(error.contains("`l2.ways` is 100"), point.values[1] == 100, "{error}");
+    }
+}
+
+#[test]
+fn points_of_scenes_and_algorithms_are_varied_too() {
+    let folder = Folder::new();
+    folder.write(
+        "mixed.json",
+        r#"{"name": "mixed", "base": {"scene": "tiny", "fidelity": "functional"}, "metric": "image.mean_visibility",
+            "axes": [{"path": "scene.light.radius", "values": [0, 0.2]}, {"path": "scene.image.width", "values": [16, 32]}]}"#,
+    );
+    folder.run(&["study", "mixed.json"]).ok();
+    let study = results(&folder, "out/study-mixed/study.json");
+    let soft = study.at(&[0.2.into(), 32.into()]).expect("a point");
+    let hard = study.at(&[0.into(), 32.into()]).expect("a point");
+    assert_eq!((soft.scene.width, hard.image.penumbra_receivers), (32, 0));
+    assert!(soft.image.penumbra_receivers > 0);
+}
+
+/// A study of `tiny` with one piece of its text replaced; it must be refused with all of `parts`.
+#[track_caller]
+fn refused(from: &str, to: &str, parts: &[&str]) {
+    let folder = Folder::new();
+    assert!(STUDY.contains(from));
+    folder.write("small.json", &STUDY.replacen(from, to, 1));
+    folder.run(&["study", "small.json"]).refused(parts);
+    assert_eq!(folder.names(), ["small.json"], "nothing may be left behind");
+}
+
+#[test]
+fn bad_studies_are_refused_with_place_and_remedy() {
+    refused(
+        "l2.capacity_bytes",
+        "l2.capacity_byte",
+        &["no field `capacity_byte`", "did you mean `capacity_bytes`?", "small.json:6:14"],
+    );
+    refused("\"cores\"", "\"coress\"", &["`coress` is no path", "did you mean `cores`?", "small.json:5:14"]);
+    refused(
+        "\"cores\"",
+        "\"scene.light.radios\"",
+        &["no field `radios`", "did you mean `radius`?", "small.json:5:14"],
+    );
+    refused("[1, 2, 4, 8]", "[]", &["the axis `cores` has no values", "at least one", "small.json:5:5"]);
+    refused("[1, 2, 4, 8]", "[1, \"many\"]", &["`cores` = \"many\"", "expected u32", "small.json:5:37"]);
+    refused("\"tiny\"", "3", &["`base.scene`", "expected a string", "small.json:3:21"]);
+    refused("\"pareto\"", "\"paretto\"", &["an analysis is one of", "\"pareto\"", "small.json:8:"]);
+    refused("\"tiny\"", "\"tinny\"", &["`tinny` is no scene", "did you mean `tiny`?", "small.json:3:11"]);
+    refused("\"axes\"", "\"axis\"", &["unknown field `axis`", "`axes`"]);
+    refused(
+        "\"scene\": \"tiny\"",
+        "\"machine\": \"larabee-24\"",
+        &["`larabee-24` is no machine", "did you mean"],
+    );
+    refused(
+        "\"analysis\"",
+        "\"exclude\": [{\"core\": 1}], \"analysis\"",
+        &["`core`, which is no axis", "axes: cores"],
+    );
+}
+
+#[test]
+fn a_million_points_are_asked_for_twice() {
+    let values: Vec<String> = (1..=1000).map(|value| value.to_string()).collect();
+    let many = format!("[{}]", values.join(", "));
+    let folder = Folder::new();
+    let study = STUDY.replace("[1, 2, 4, 8]", &many).replace("[131072, 262144]", &many);
+    folder.write("large.json", &study);
+    folder.run(&["study", "large.json"]).refused(&["the study has 1000000 points", "`--yes`", "random"]);
+    let third = format!("{{\"path\": \"l2.ways\", \"values\": {many}}},\n    {{\"path\": \"cores\"");
+    folder.write("huge.json", &study.replace("{\"path\": \"cores\"", &third));
+    folder.run(&["study", "huge.json", "--yes"]).refused(&["1000000000 points", "at most 1000000"]);
+}
+
+#[test]
+fn unknown_studies_and_options_are_refused() {
+    let folder = Folder::new();
+    folder.run(&["study", "core"]).refused(&["`core` is no study", "did you mean `cores`?"]);
+    folder.run(&["study", "cores", "-j", "0"]).refused(&["`--jobs` is 0; it must be from 1 to 1024"]);
+    folder.run(&["study", "cores", "--engine", "slurm"]).refused(&["not in this version"]);
+    folder.write("file", "");
+    folder.run(&["study", "cores", "--cache", "file"]).refused(&["cannot create the cache"]);
+    folder.run(&["study", "cores", "-o", "file"]).refused(&["cannot create file"]);
+}
+
+#[test]
+fn every_shipped_study_is_sound() {
+    for name in lrbsim::study::builtin_study_names() {
+        let study = lrbsim::study::Study::load(name, false).expect(name);
+        assert_eq!(study.file.name, name);
+        assert!(study.len() >= 2 && !study.file.question.is_empty(), "{name}");
+    }
+}
