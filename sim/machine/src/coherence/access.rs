@@ -184,6 +184,13 @@ impl Hierarchy {
         Ok(Access { ready, cause, missed: true })
     }
 
+    /// Asks the host for what an access to `line` that misses will look at.
+    #[inline(always)]
+    pub(crate) fn prefetch(&self, core: usize, line: u32) {
+        self.directory.prefetch(line);
+        self.caches[core].l2.prefetch(line);
+    }
+
     /// Brings `line` into the L2 and no further.
     pub(crate) fn prefetch_l2(&mut self, core: usize, line: u32, now: Cycle) -> Result<(), Cycle> {
         if !self.spec.ideal.memory {
