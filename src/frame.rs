@@ -234,6 +234,7 @@ fn report(request: &RunRequest, eye: &EyeView, simulated: &Simulated, frame: &Fr
         total: Total::of_phases(&phases, clock.clock_ghz),
         phases,
         image: ImageSummary::of(&frame.visibility),
+        model_error: crate::validate::model_error(),
     }
 }
 

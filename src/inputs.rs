@@ -35,6 +35,13 @@ impl Machine {
         Machine::from_text(&file, &text, settings)
     }
 
+    /// This machine with `settings`, in order.
+    pub fn with(&self, settings: &[Setting]) -> Result<Machine, BadInput> {
+        let config = apply(&self.config, settings)?;
+        let spec = config.validate().map_err(|error| BadInput::new(error.to_string()))?;
+        Ok(Machine { config, spec })
+    }
+
     /// `machine` with further `settings`, which must name fields and have their types; whether the machine is sound is not
     /// checked.
     pub(crate) fn apply_settings(machine: &Machine, settings: &[Setting]) -> Result<MachineConfig, BadInput> {

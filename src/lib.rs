@@ -33,6 +33,7 @@ pub mod published;
 pub mod results;
 mod settings;
 pub mod study;
+pub mod validate;
 
 pub use algorithm::Algorithm;
 pub use error::BadInput;

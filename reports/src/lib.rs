@@ -7,6 +7,7 @@
 //!           └► analysis         tables and plots of it
 //! picture   ─► image.png, visibility.png, the hash that names a picture
 //! npy       ─► dumps
+//! Validation ─► rows of published and simulated figures
 //! files     ─► all of them appear whole, or not at all
 //! ```
 //!
@@ -34,6 +35,7 @@ mod sample;
 pub mod sheet;
 pub mod study;
 pub mod table;
+pub mod validation;
 
 pub use host::HostReport;
 pub use run::RunReport;

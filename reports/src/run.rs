@@ -9,6 +9,8 @@ use lrbsim_machine::counters::{
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::validation::ModelError;
+
 /// Version of the layout of [`RunReport`]; raised when a reader of an older one would misread it.
 pub const SCHEMA_VERSION: u32 = 1;
 
@@ -34,6 +36,8 @@ pub struct RunReport {
     pub total: Total,
     /// What the picture is, in numbers.
     pub image: ImageSummary,
+    /// How far the model is from measured machines.
+    pub model_error: ModelError,
 }
 
 /// What determined the numbers of a report.

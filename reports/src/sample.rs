@@ -9,6 +9,7 @@ use crate::run::{
     ImageSummary, Instructions, Lanes, PhaseReport, Provenance, RunReport, SCHEMA_VERSION, SceneSummary,
     Total, milliseconds,
 };
+use crate::validation::ModelError;
 
 fn counts(pairs: &[(&str, u64)]) -> BTreeMap<String, u64> {
     pairs.iter().map(|(name, count)| ((*name).to_owned(), *count)).collect()
@@ -95,6 +96,15 @@ pub(crate) fn timed() -> RunReport {
         total: Total::of_phases(&phases, 1.0),
         phases,
         image: ImageSummary::of(&[0.0, 1.0, 0.5, f32::NAN]),
+        model_error: ModelError {
+            machine: "knc-5110p".to_owned(),
+            fidelity: "windowed".to_owned(),
+            rows: 200,
+            inside: 160,
+            mean_error_percent: 5.5,
+            worst_error_percent: 25.0,
+            held_out_mean_error_percent: 6.5,
+        },
     }
 }
 

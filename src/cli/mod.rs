@@ -8,6 +8,7 @@ mod run;
 mod scene;
 mod schema;
 mod study;
+mod validate;
 mod verify;
 
 use std::io::{self, Write};
@@ -16,7 +17,7 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 use lrbsim::BadInput;
 
-/// Exit code for a check that failed: a comparison, a verification, or a study with points that have no result.
+/// Exit code for a check that failed: a comparison, a validation, a verification, or a study with points that have no result.
 const CHECK_FAILED: u8 = 1;
 
 /// Exit code for bad input.
@@ -48,6 +49,8 @@ enum Command {
     /// Look at scenes.
     #[command(subcommand)]
     Scene(scene::SceneCommand),
+    /// Run microbenchmarks and compare them with published measurements.
+    Validate(validate::ValidateArgs),
     /// Print the JSON Schema of a file format.
     Schema(schema::SchemaArgs),
 }
@@ -79,6 +82,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Study(args) => study::run(&args, out),
         Command::Compare(args) => compare::run(&args, out),
         Command::Report(args) => report::run(&args, out).map(|()| true),
+        Command::Validate(args) => validate::run(&args, out),
         Command::Verify(args) => verify::run(&args, out),
         Command::Machine(command) => machine::run(&command, out).map(|()| true),
         Command::Scene(command) => scene::run(&command, out).map(|()| true),

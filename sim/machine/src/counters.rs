@@ -177,6 +177,8 @@ counters! {
     RingCounters {
         /// Messages sent.
         messages,
+        /// Messages that did not leave their stop, and take no slot.
+        local,
         /// Bytes sent; a request or acknowledgement counts 8, a line 64.
         bytes,
         /// Link-slots taken: one a slot of a message and a hop.

@@ -17,13 +17,17 @@
 //! other cores' caches; here are the arrays it walks.
 
 mod mshr;
+mod prefetcher;
 mod tags;
+mod tlb;
 
 #[cfg(test)]
 mod tests;
 
 pub(crate) use mshr::Mshrs;
+pub(crate) use prefetcher::Prefetcher;
 pub(crate) use tags::{Slot, Tags};
+pub(crate) use tlb::Tlb;
 
 use crate::Cycle;
 use crate::config::MachineSpec;
@@ -47,6 +51,10 @@ pub(crate) struct CoreCaches {
     pub(crate) l2: Tags,
     pub(crate) l1_mshrs: Mshrs,
     pub(crate) l2_mshrs: Mshrs,
+    /// Follows nothing on a machine without one.
+    pub(crate) prefetcher: Prefetcher,
+    /// Asked only on a machine that translates.
+    pub(crate) tlb: Tlb,
     /// Lines that locked operations of this core last used, and when the last of them ends.
     locks: [(u32, Cycle); 8],
     pub(crate) l1_counters: CacheCounters,
@@ -61,6 +69,8 @@ impl CoreCaches {
             l2: Tags::absent(),
             l1_mshrs: Mshrs::new(0),
             l2_mshrs: Mshrs::new(0),
+            prefetcher: Prefetcher::new(None),
+            tlb: Tlb::new(None),
             locks: [(u32::MAX, 0); 8],
             l1_counters: CacheCounters::default(),
             l2_counters: CacheCounters::default(),
@@ -74,6 +84,8 @@ impl CoreCaches {
             self.l2 = Tags::new(spec.l2.sets, spec.l2.ways);
             self.l1_mshrs = Mshrs::new(spec.l1d.mshrs);
             self.l2_mshrs = Mshrs::new(spec.l2.mshrs);
+            self.prefetcher = Prefetcher::new(spec.prefetcher.as_ref());
+            self.tlb = Tlb::new(spec.tlb.as_ref());
         }
     }
 

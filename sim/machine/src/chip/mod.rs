@@ -44,6 +44,8 @@ pub struct CoreActivity {
     pub issued: u64,
     /// Cycles in which at least one uop issued.
     pub busy_cycles: u64,
+    /// Cycles from the start of the step until the last of its threads came to the barrier; 0 when it took no part.
+    pub arrival_cycles: u64,
 }
 
 impl Chip {
@@ -122,7 +124,8 @@ impl Chip {
                 *sum += cycles;
             }
             let busy_cycles = core.stack.cycles()[Cause::Issue as usize];
-            self.activity[core.index] = CoreActivity { issued: core.issued, busy_cycles };
+            self.activity[core.index] =
+                CoreActivity { issued: core.issued, busy_cycles, arrival_cycles: core.arrival - start };
             step.report.paired += core.paired;
             step.report.issued += core.issued;
             let index = core.index;

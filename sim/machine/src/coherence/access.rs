@@ -12,6 +12,8 @@ use crate::ring::Rings;
 /// Everything between the cores and the memory chips.
 pub(crate) struct Hierarchy {
     pub(crate) spec: MachineSpec,
+    /// Whether translation costs anything.
+    translates: bool,
     pub(crate) caches: Vec<CoreCaches>,
     pub(super) directory: Directory,
     /// When the slice at each stop serves.
@@ -24,6 +26,8 @@ pub(crate) struct Hierarchy {
     pub(super) peers: Vec<u32>,
     pub(crate) counters: DirectoryCounters,
     pub(crate) atomics: AtomicCounters,
+    #[cfg(test)]
+    pub(super) fault: Option<super::Fault>,
 }
 
 /// What became of an access.
@@ -45,12 +49,17 @@ pub(super) struct L2Access {
     pub(super) cause: Cause,
     /// Whether the core may write the line from then on.
     pub(super) owned: bool,
+    /// Whether the L2 neither had the line nor waited for it.
+    pub(super) missed: bool,
+    /// When the line that made room has been written back; 0 when nobody waits for that.
+    pub(super) written_back: Cycle,
 }
 
 impl Hierarchy {
     /// Cold and idle; with rings that know every slot (`exact`) or count them in windows.
     pub(crate) fn new(spec: &MachineSpec, exact: bool) -> Hierarchy {
         Hierarchy {
+            translates: spec.tlb.is_some() && !spec.ideal.memory,
             caches: (0..spec.cores).map(|_| CoreCaches::absent()).collect(),
             directory: Directory::default(),
             slices: vec![Slots::new(spec.directory_interval * 256); spec.cores as usize],
@@ -65,6 +74,8 @@ impl Hierarchy {
             peers: Vec::new(),
             counters: DirectoryCounters::default(),
             atomics: AtomicCounters::default(),
+            #[cfg(test)]
+            fault: None,
             spec: spec.clone(),
         }
     }
@@ -74,6 +85,9 @@ impl Hierarchy {
     #[inline(always)]
     pub(crate) fn l1_hit(&mut self, core: usize, line: u32, write: bool) -> Result<(), Option<Slot>> {
         let caches = &mut self.caches[core];
+        if self.translates && !caches.tlb.hit(line) {
+            return Err(None);
+        }
         let Some(slot) = caches.l1.find(line) else { return Err(None) };
         let bits = caches.l1.bits(slot);
         if write {
@@ -122,11 +136,21 @@ impl Hierarchy {
         now: Cycle,
     ) -> Result<Access, Cycle> {
         let write = intent != Intent::Read;
-        let caches = &mut self.caches[core];
+        let (mut l1_slot, mut now) = (l1_slot, now);
         if self.spec.ideal.memory {
-            caches.l1_counters.hits += 1;
+            self.caches[core].l1_counters.hits += 1;
             return Ok(self.hit(now));
         }
+
+        // Translate first; it may have been only the TLB that missed.
+        if self.translates && !self.caches[core].tlb.hit(line) {
+            now += self.caches[core].tlb.translate(line);
+            match self.l1_hit(core, line, write) {
+                Ok(()) => return Ok(Access { missed: true, ..self.hit(now) }),
+                Err(slot) => l1_slot = slot,
+            }
+        }
+        let caches = &mut self.caches[core];
 
         // On its way: wait for the same fill.
         if let Some(slot) = l1_slot {
@@ -153,9 +177,16 @@ impl Hierarchy {
             }
         }
 
+        // A streaming store that is posted needs nothing of the L1, and nobody waits for it.
+        if intent == Intent::Stream && l1_slot.is_none() && self.spec.core.posted_streaming_stores {
+            self.l2_access(core, line, intent, now)?;
+            self.caches[core].l1_counters.misses += 1;
+            return Ok(Access { ready: now + 1, cause: Cause::L1, missed: false });
+        }
+
         // A miss: every resource it needs must be free before anything changes.
         let mshr = caches.l1_mshrs.free(now)?;
-        let L2Access { ready, cause, owned } = self.l2_access(core, line, intent, now)?;
+        let L2Access { ready, cause, owned, missed, .. } = self.l2_access(core, line, intent, now)?;
         let caches = &mut self.caches[core];
         caches.l1_counters.misses += 1;
         caches.l1_mshrs.hold(mshr, line, ready, cause);
@@ -181,6 +212,9 @@ impl Hierarchy {
                 }
             }
         }
+        if let Some(prefetcher) = &self.spec.prefetcher {
+            self.run_ahead(core, line, missed, prefetcher.mshrs_spared, now);
+        }
         Ok(Access { ready, cause, missed: true })
     }
 
@@ -191,12 +225,32 @@ impl Hierarchy {
         self.caches[core].l2.prefetch(line);
     }
 
+    /// Has the streamer see an access to the L2, and fetches what it wants as far as MSHRs go.
+    fn run_ahead(&mut self, core: usize, line: u32, missed: bool, mshrs_spared: usize, now: Cycle) {
+        let Some(stream) = self.caches[core].prefetcher.observe(line, missed) else { return };
+        while let Some(wanted) = self.caches[core].prefetcher.wanted(stream) {
+            // Not now, when demands might have to wait for an MSHR; the next access to the stream asks again.
+            let caches = &self.caches[core];
+            if caches.l2.find(wanted).is_none()
+                && (!caches.l2_mshrs.has_more_than(mshrs_spared, now)
+                    || self.l2_access(core, wanted, Intent::Read, now).is_err())
+            {
+                return;
+            }
+            self.caches[core].prefetcher.advance(stream);
+        }
+    }
+
     /// Brings `line` into the L2 and no further.
     pub(crate) fn prefetch_l2(&mut self, core: usize, line: u32, now: Cycle) -> Result<(), Cycle> {
-        if !self.spec.ideal.memory {
-            self.l2_access(core, line, Intent::Read, now)?;
+        if self.spec.ideal.memory {
+            return Ok(());
         }
-        Ok(())
+        let mut now = now;
+        if self.translates && !self.caches[core].tlb.hit(line) {
+            now += self.caches[core].tlb.translate(line);
+        }
+        self.l2_access(core, line, Intent::Read, now).map(|_| ())
     }
 
     /// An L1 miss or L2 prefetch at `now`, the time of the uop.
@@ -216,20 +270,24 @@ impl Hierarchy {
                     if let Some(mshr) = caches.l2_mshrs.in_flight(line, now) {
                         caches.l2_counters.merged += 1;
                         let ready = mshr.fill.max(now + hit_cycles);
-                        return Ok(L2Access { ready, cause: mshr.cause, owned });
+                        let cause = mshr.cause;
+                        return Ok(L2Access { ready, cause, owned, missed: false, written_back: 0 });
                     }
                     let bits = caches.l2.bits(slot);
                     caches.l2.set_bits(slot, bits & !Tags::PENDING);
                 }
                 caches.l2_counters.hits += 1;
-                return Ok(L2Access { ready: now + hit_cycles, cause: Cause::L2, owned });
+                let ready = now + hit_cycles;
+                return Ok(L2Access { ready, cause: Cause::L2, owned, missed: false, written_back: 0 });
             }
         }
         let mshr = caches.l2_mshrs.free(now)?;
         caches.l2_counters.misses += 1;
         // The L2 has to find out that it misses first.
         let access = self.transact(core, line, l2_slot, intent, now + hit_cycles);
-        self.caches[core].l2_mshrs.hold(mshr, line, access.ready, access.cause);
+        let mshrs = &mut self.caches[core].l2_mshrs;
+        mshrs.hold(mshr, line, access.ready, access.cause);
+        mshrs.keep(mshr, access.written_back);
         Ok(access)
     }
 }

@@ -89,7 +89,7 @@ fn impossible_meetings_are_named_and_no_others() {
 }
 
 /// Checks every copy against the directory and the two levels against each other.
-fn check(hierarchy: &mut Hierarchy, lines: u32) {
+pub(super) fn check(hierarchy: &mut Hierarchy, lines: u32) {
     for line in 0..lines {
         let mut copies = Vec::new();
         for (core, caches) in hierarchy.caches.iter().enumerate() {

@@ -56,7 +56,7 @@ impl Hierarchy {
         };
 
         // To the home, and wait there for the slice and for earlier transactions on the line.
-        let arrived = self.rings.send(me, home, Message::Short, now);
+        let arrived = self.rings.send(me, home, Message::Address, now);
         let served = self.slices[home as usize].take(arrived);
         let record = *self.directory.record(line).0;
         let others = match record.sharers.owner() {
@@ -87,21 +87,37 @@ impl Hierarchy {
                 None => before.nearest(me, &self.directory.pool),
             };
             let supplier = supplier.filter(|_| actions.data == Source::Peer);
+            // An owner's L1 may be newer than its L2 and is looked into first.
+            let newer = if others == Others::Own { self.spec.l1d.hit_cycles } else { 0 };
             self.counters.forwards += u64::from(supplier.is_some());
             if !actions.invalidate_others {
                 let supplier = supplier.expect("only a peer's data are asked for without a loss");
-                let asked = self.rings.send(home, supplier, Message::Short, leaves);
+                let asked = self.rings.send(home, supplier, Message::Address, leaves);
                 self.supply(supplier, line, asked);
-                done = done.max(self.answer(supplier, me, true, asked));
+                done = done.max(self.answer(supplier, me, true, asked + newer));
             } else if let Some(few) = before.few() {
                 for peer in few.filter(|peer| *peer != me) {
-                    done = done.max(self.invalidate(peer, home, me, line, supplier == Some(peer), leaves));
+                    done = done.max(self.invalidate(
+                        peer,
+                        home,
+                        me,
+                        line,
+                        (supplier == Some(peer)).then_some(newer),
+                        leaves,
+                    ));
                 }
             } else {
                 let mut peers = std::mem::take(&mut self.peers);
                 before.for_each(&self.directory.pool, |peer| peers.push(peer));
                 for peer in peers.drain(..).filter(|peer| *peer != me) {
-                    done = done.max(self.invalidate(peer, home, me, line, supplier == Some(peer), leaves));
+                    done = done.max(self.invalidate(
+                        peer,
+                        home,
+                        me,
+                        line,
+                        (supplier == Some(peer)).then_some(newer),
+                        leaves,
+                    ));
                 }
                 self.peers = peers;
             }
@@ -111,16 +127,21 @@ impl Hierarchy {
         match actions.data {
             Source::Memory => {
                 let controller = self.controller_stop(line);
-                let asked = self.rings.send(home, controller, Message::Short, leaves);
+                let asked = self.rings.send(home, controller, Message::Address, leaves);
                 let read = self.memory.read(line, asked);
                 done = done.max(self.rings.send(controller, me, Message::Line, read));
+                // The home is told that the line has left and that it has arrived; nobody waits for that.
+                if self.spec.ring.acknowledge_rings > 0 {
+                    self.rings.send(controller, home, Message::Acknowledge, read);
+                    self.rings.send(me, home, Message::Acknowledge, done);
+                }
             }
-            Source::Nowhere => done = done.max(self.rings.send(home, me, Message::Short, leaves)),
+            Source::Nowhere => done = done.max(self.rings.send(home, me, Message::Acknowledge, leaves)),
             Source::Peer => {}
         }
 
         self.note(core, line, next, others, changes_owner, done);
-        self.fill_l2(core, line, place, l2_slot.is_some(), next, done);
+        let written_back = self.fill_l2(core, line, place, l2_slot.is_some(), next, done);
 
         let ring_waits = self.rings.wait_cycles() - ring_waits_before;
         let cause = if ring_waits * 2 > done - now {
@@ -130,11 +151,11 @@ impl Hierarchy {
         } else {
             Cause::Remote
         };
-        L2Access { ready: done, cause, owned: next.is_owner() }
+        L2Access { ready: done, cause, owned: next.is_owner(), missed: true, written_back }
     }
 
-    /// Has the copy of `peer` invalidated by `home` at `now`; returns when its answer, the line if it `supplies` that, is
-    /// with `requester`.
+    /// Has the copy of `peer` invalidated by `home` at `now`; returns when its answer is with `requester`: the line, after so
+    /// many cycles, if it `supplies` that.
     #[inline(always)]
     fn invalidate(
         &mut self,
@@ -142,13 +163,13 @@ impl Hierarchy {
         home: u32,
         requester: u32,
         line: u32,
-        supplies: bool,
+        supplies: Option<Cycle>,
         now: Cycle,
     ) -> Cycle {
         self.counters.invalidations += 1;
-        let asked = self.rings.send(home, peer, Message::Short, now);
+        let asked = self.rings.send(home, peer, Message::Address, now);
         self.lose(peer as usize, line);
-        self.answer(peer, requester, supplies, asked)
+        self.answer(peer, requester, supplies.is_some(), asked + supplies.unwrap_or(0))
     }
 
     /// What `peer`, asked at `now`, sends: a supplier reads its L2, an acknowledgement leaves at once.
@@ -157,7 +178,7 @@ impl Hierarchy {
         if supplies {
             self.rings.send(peer, requester, Message::Line, now + self.spec.l2.hit_cycles)
         } else {
-            self.rings.send(peer, requester, Message::Short, now)
+            self.rings.send(peer, requester, Message::Acknowledge, now)
         }
     }
 
@@ -171,6 +192,10 @@ impl Hierarchy {
         changes_owner: bool,
         done: Cycle,
     ) {
+        #[cfg(test)]
+        if self.fault == Some(super::Fault::ForgetReader) && !next.is_owner() {
+            return;
+        }
         let (record, pool) = self.directory.record(line);
         let Record { sharers, busy } = record;
         if next.is_owner() {
@@ -185,6 +210,10 @@ impl Hierarchy {
 
     /// A peer's copy is read by another core: it stays, shared, and memory gets what it does not have.
     fn supply(&mut self, peer: u32, line: u32, now: Cycle) {
+        #[cfg(test)]
+        if self.fault == Some(super::Fault::KeepOwner) {
+            return;
+        }
         let caches = &mut self.caches[peer as usize];
         let slot = caches.l2.find(line).expect("the directory knows every copy");
         let bits = caches.l2.bits(slot);
@@ -199,6 +228,10 @@ impl Hierarchy {
         }
         let (next, actions) = transition(state, Event::RemoteRead).expect("a copy can be read");
         caches.l2.set_bits(slot, bits & !Tags::STATE | next as u8);
+        #[cfg(test)]
+        if self.fault == Some(super::Fault::LoseSharedWrite) {
+            return;
+        }
         if actions.write_back {
             caches.l2_counters.writebacks += 1;
             self.write_back(peer, line, now);
@@ -207,6 +240,10 @@ impl Hierarchy {
 
     /// A core's copy is lost to a writer.
     fn lose(&mut self, peer: usize, line: u32) {
+        #[cfg(test)]
+        if self.fault == Some(super::Fault::KeepCopy) {
+            return;
+        }
         let caches = &mut self.caches[peer];
         let slot = caches.l2.find(line).expect("the directory knows every copy");
         let state = State::from_bits(caches.l2.bits(slot));
@@ -214,23 +251,36 @@ impl Hierarchy {
         assert_eq!(next, State::I);
         caches.l2.remove(slot);
         caches.l2_counters.invalidations += 1;
+        #[cfg(test)]
+        if self.fault == Some(super::Fault::KeepInL1) {
+            return;
+        }
         if let Some(l1) = caches.l1.find(line) {
             caches.l1.remove(l1);
             caches.l1_counters.invalidations += 1;
         }
     }
 
-    /// Puts a line in a core's L2 at `place`, where it is already if it is `held`; otherwise makes room for it.
-    fn fill_l2(&mut self, core: usize, line: u32, place: Slot, held: bool, state: State, now: Cycle) {
+    /// Puts a line in a core's L2 at `place`, where it is already if it is `held`; otherwise makes room for it. Returns when
+    /// the line that made room has been written back, if somebody waits for that.
+    fn fill_l2(
+        &mut self,
+        core: usize,
+        line: u32,
+        place: Slot,
+        held: bool,
+        state: State,
+        now: Cycle,
+    ) -> Cycle {
         let caches = &mut self.caches[core];
         let bits = state as u8 | Tags::PENDING;
         if held {
             caches.l2_counters.upgrades += 1;
             caches.l2.set_bits(place, bits);
             caches.l2.touch(place);
-            return;
+            return 0;
         }
-        let Some((victim, victim_bits)) = caches.l2.insert(place, line, bits) else { return };
+        let Some((victim, victim_bits)) = caches.l2.insert(place, line, bits) else { return 0 };
         caches.l2_counters.evictions += 1;
         let mut state = State::from_bits(victim_bits);
         // The L2 is inclusive: the L1 loses what the L2 loses.
@@ -246,22 +296,30 @@ impl Hierarchy {
         if actions.write_back {
             caches.l2_counters.writebacks += 1;
         }
-        // Nobody waits for either message; they only take slots.
+        // Nobody waits for the notice; it only takes slots.
+        #[cfg(test)]
+        let actions = match self.fault {
+            Some(super::Fault::ForgetEviction) => super::Actions { notify_home: false, ..actions },
+            Some(super::Fault::LoseWrite) => super::Actions { write_back: false, ..actions },
+            _ => actions,
+        };
         if actions.notify_home {
             let home = self.home_of(victim);
-            self.rings.send(core as u32, home, Message::Short, now);
+            self.rings.send(core as u32, home, Message::Address, now);
             let (record, pool) = self.directory.record(victim);
             record.sharers.remove(core as u32, pool);
         }
-        if actions.write_back {
-            self.write_back(core as u32, victim, now);
-        }
+        if actions.write_back { self.write_back(core as u32, victim, now) } else { 0 }
     }
 
-    /// Sends a line to memory.
-    fn write_back(&mut self, core: u32, line: u32, now: Cycle) {
+    /// Sends a line to memory; returns when the core knows that it is there, 0 when it is not told.
+    fn write_back(&mut self, core: u32, line: u32, now: Cycle) -> Cycle {
         let controller = self.controller_stop(line);
         let arrived = self.rings.send(core, controller, Message::Line, now);
-        self.memory.write(line, arrived);
+        let written = self.memory.write(line, arrived);
+        if !self.spec.memory.acknowledges_writes {
+            return 0;
+        }
+        self.rings.send(controller, core, Message::Acknowledge, written)
     }
 }

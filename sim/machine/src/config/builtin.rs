@@ -1,8 +1,9 @@
 //! The machines that are shipped inside the binary.
 
-const MACHINES: [(&str, &str); 3] = [
+const MACHINES: [(&str, &str); 4] = [
     ("larrabee-24", include_str!("../../../../configs/machines/larrabee-24.json")),
     ("larrabee-32", include_str!("../../../../configs/machines/larrabee-32.json")),
+    ("knc-5110p", include_str!("../../../../configs/machines/knc-5110p.json")),
     ("ideal", include_str!("../../../../configs/machines/ideal.json")),
 ];
 
@@ -13,6 +14,6 @@ pub fn builtin_machine(name: &str) -> Option<&'static str> {
 
 /// Names of the shipped machines, the default first.
 pub fn builtin_machine_names() -> &'static [&'static str] {
-    const NAMES: [&str; MACHINES.len()] = [MACHINES[0].0, MACHINES[1].0, MACHINES[2].0];
+    const NAMES: [&str; MACHINES.len()] = [MACHINES[0].0, MACHINES[1].0, MACHINES[2].0, MACHINES[3].0];
     &NAMES
 }

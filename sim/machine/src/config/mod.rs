@@ -8,7 +8,9 @@ mod validate;
 mod tests;
 
 pub use builtin::{builtin_machine, builtin_machine_names};
-pub use spec::{CacheSpec, CoreSpec, MachineSpec, MemorySpec, RingSpec};
+pub use spec::{
+    CacheSpec, CoreSpec, MachineSpec, MemorySpec, PrefetcherSpec, RingSpec, TlbLevelSpec, TlbSpec,
+};
 pub use validate::ConfigError;
 
 use schemars::JsonSchema;
@@ -33,6 +35,10 @@ pub struct MachineConfig {
     pub l1d: CacheConfig,
     /// The cache private to a core, inclusive of its L1.
     pub l2: CacheConfig,
+    /// The hardware prefetcher beside the L2.
+    pub prefetcher: PrefetcherConfig,
+    /// Translation of data addresses.
+    pub tlb: TlbConfig,
     /// The ring or rings.
     pub ring: RingConfig,
     /// The directory, one slice at every ring stop of a core.
@@ -67,6 +73,8 @@ pub struct CoreConfig {
     pub gather_lines_per_cycle: f64,
     /// Cycles that a gather or scatter holds its thread beside those for its lines.
     pub gather_overhead_cycles: u32,
+    /// Whether a streaming store that misses goes past the L1 to the L2, without its thread waiting.
+    pub posted_streaming_stores: bool,
     /// Result latencies of uops that touch no memory.
     pub latency_cycles: LatencyConfig,
 }
@@ -111,7 +119,51 @@ pub struct CacheConfig {
     pub mshrs: u32,
 }
 
-/// The bidirectional ring: one belt of slots a direction for lines, one for requests and acknowledgements.
+/// The streamer of the L2: finds streams of L2 misses and runs ahead of them, into the L2, never past a page.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PrefetcherConfig {
+    /// Streams followed at once, one a page; 0: no prefetcher.
+    pub streams: u32,
+    /// Lines that it runs ahead of the last access.
+    pub lines_ahead: u32,
+    /// Greatest distance in lines between two accesses to a page that makes them a stream.
+    pub train_lines: u32,
+    /// MSHRs of the L2 that it leaves free for others.
+    pub mshrs_spared: u32,
+    /// Bytes of the pages that streams end at, a power of two.
+    pub page_bytes: u32,
+}
+
+/// Translation of data addresses: a first TLB for the page size in use, and a second one behind it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TlbConfig {
+    /// Whether translation costs anything.
+    pub enabled: bool,
+    /// Bytes of a page: 4096 or 2097152.
+    pub page_bytes: u32,
+    /// The first TLB for pages of 4 KB.
+    pub small: TlbLevelConfig,
+    /// The first TLB for pages of 2 MB.
+    pub large: TlbLevelConfig,
+    /// The second TLB; an entry covers 2 MB, in pages of either size.
+    pub second: TlbLevelConfig,
+}
+
+/// One TLB of a core.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TlbLevelConfig {
+    /// Entries, a whole number of sets.
+    pub entries: u32,
+    /// Entries in a set, at most 16.
+    pub ways: u32,
+    /// Cycles that a miss adds to its access.
+    pub miss_cycles: u32,
+}
+
+/// The bidirectional ring: belts of slots in each direction, of their own for lines and for short messages.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RingConfig {
@@ -123,6 +175,11 @@ pub struct RingConfig {
     pub cores_per_ring: u32,
     /// Cycles that a message spends where it changes rings.
     pub crossing_cycles: u32,
+    /// Belts a direction for addresses: requests, forwards, notices.
+    pub address_rings: u32,
+    /// Belts a direction for acknowledgements. 0: they take the address belts, and the home is not told when a line from
+    /// memory has left its controller and arrived.
+    pub acknowledge_rings: u32,
 }
 
 /// The distributed directory.
@@ -153,6 +210,27 @@ pub struct MemoryConfig {
     pub banks: u32,
     /// Bytes of a row; a whole number of lines.
     pub row_bytes: u32,
+    /// Time that a write keeps its bank longer than a read, ns; may be 0.
+    pub write_recovery_ns: f64,
+    /// Line times that a channel loses between a read and a write, either way round.
+    pub turnaround_lines: u32,
+    /// Whether a write-back keeps the MSHR of the miss that caused it until the controller has acknowledged it. If not,
+    /// nothing ever waits for a write.
+    pub acknowledges_writes: bool,
+    /// Check bits in the same chips.
+    pub ecc: EccConfig,
+}
+
+/// In-band error correction: check bits that take room and time of the same chips.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct EccConfig {
+    /// Whether there is any.
+    pub enabled: bool,
+    /// Part of a line's time that a read takes more.
+    pub read_overhead: f64,
+    /// The same for a write, whose check bits cover more than its line and have to be read first.
+    pub write_overhead: f64,
 }
 
 /// Locked operations.

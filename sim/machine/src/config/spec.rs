@@ -18,6 +18,10 @@ pub struct MachineSpec {
     pub l1d: CacheSpec,
     /// The L2.
     pub l2: CacheSpec,
+    /// The hardware prefetcher; `None` when there is none.
+    pub prefetcher: Option<PrefetcherSpec>,
+    /// Translation; `None` when it costs nothing.
+    pub tlb: Option<TlbSpec>,
     /// The ring or rings.
     pub ring: RingSpec,
     /// From the arrival of a request at its home to the departure of what it causes.
@@ -45,6 +49,8 @@ pub struct CoreSpec {
     pub dual_issue: bool,
     /// Whether a thread sleeps through its L1 misses.
     pub blocks_on_l1_miss: bool,
+    /// Whether streaming stores that miss go past the L1 and nobody waits.
+    pub posted_streaming_stores: bool,
     /// Least cycles between two issues of a thread.
     pub issue_interval: Cycle,
     /// Cycles between two lines of a gather, in 1/256.
@@ -86,6 +92,43 @@ pub struct CacheSpec {
     pub mshrs: u32,
 }
 
+/// The streamer.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct PrefetcherSpec {
+    /// Streams followed at once.
+    pub streams: u32,
+    /// Lines that it runs ahead.
+    pub lines_ahead: u32,
+    /// Greatest distance of two accesses of a stream.
+    pub train_lines: u32,
+    /// MSHRs of the L2 that it leaves free.
+    pub mshrs_spared: usize,
+    /// Lines of a page.
+    pub page_lines: u32,
+}
+
+/// Translation.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct TlbSpec {
+    /// Lines of a page.
+    pub page_lines: u32,
+    /// The first TLB.
+    pub first: TlbLevelSpec,
+    /// The second one.
+    pub second: TlbLevelSpec,
+}
+
+/// One TLB.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct TlbLevelSpec {
+    /// Sets, at least one.
+    pub sets: u32,
+    /// Entries in a set, 1 to 16.
+    pub ways: u32,
+    /// What a miss adds.
+    pub miss_cycles: Cycle,
+}
+
 /// The ring or rings.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RingSpec {
@@ -97,6 +140,10 @@ pub struct RingSpec {
     pub hop_cycles: Cycle,
     /// Where a message changes rings.
     pub crossing_cycles: Cycle,
+    /// Belts a direction for addresses, at least one.
+    pub address_rings: u32,
+    /// Belts a direction for acknowledgements; 0: they take those for addresses.
+    pub acknowledge_rings: u32,
     /// Whether messages arrive when they are sent.
     pub free: bool,
 }
@@ -112,8 +159,14 @@ pub struct MemorySpec {
     pub row_miss_cycles: Cycle,
     /// Idle latency when the row is open.
     pub row_hit_cycles: Cycle,
-    /// Between two row openings in a bank.
+    /// For how long a read that opens a row keeps its bank.
     pub row_cycle_cycles: Cycle,
+    /// The same for a write.
+    pub write_row_cycle_cycles: Cycle,
+    /// Line times that a channel loses when it changes direction.
+    pub turnaround_lines: u32,
+    /// Whether write-backs keep MSHRs.
+    pub acknowledges_writes: bool,
     /// Banks a controller.
     pub banks: u32,
     /// Lines in a row.

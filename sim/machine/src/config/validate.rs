@@ -1,7 +1,9 @@
 //! Checks of a machine, in the order of its file.
 
-use super::spec::{CacheSpec, CoreSpec, MachineSpec, MemorySpec, RingSpec};
-use super::{CacheConfig, MachineConfig};
+use super::spec::{
+    CacheSpec, CoreSpec, MachineSpec, MemorySpec, PrefetcherSpec, RingSpec, TlbLevelSpec, TlbSpec,
+};
+use super::{CacheConfig, MachineConfig, PrefetcherConfig, TlbConfig, TlbLevelConfig};
 use std::fmt::Display;
 
 /// A number that no machine can have.
@@ -23,6 +25,8 @@ const MEMORY_CYCLES_MAX: f64 = 1e6;
 /// Largest cache.
 const CACHE_BYTES_MAX: u64 = 1 << 30;
 const LINE_BYTES: u64 = lrbsim_isa::arena::LINE_BYTES;
+const SMALL_PAGE_BYTES: u32 = 4096;
+const LARGE_PAGE_BYTES: u32 = 2 << 20;
 
 fn error<T>(path: &str, found: impl Display, expected: impl Display) -> Result<T, ConfigError> {
     Err(ConfigError { path: path.to_owned(), found: found.to_string(), expected: expected.to_string() })
@@ -85,6 +89,54 @@ fn cache(at: &str, config: &CacheConfig) -> Result<CacheSpec, ConfigError> {
     })
 }
 
+fn prefetcher(config: &PrefetcherConfig) -> Result<Option<PrefetcherSpec>, ConfigError> {
+    let page_bytes = config.page_bytes;
+    if !page_bytes.is_power_of_two() || u64::from(page_bytes) < LINE_BYTES {
+        return error("prefetcher.page_bytes", page_bytes, format_args!("a power of two from {LINE_BYTES}"));
+    }
+    let spec = PrefetcherSpec {
+        streams: range("prefetcher.streams", config.streams, 0, 256)?,
+        lines_ahead: range("prefetcher.lines_ahead", config.lines_ahead, 1, 256)?,
+        train_lines: range("prefetcher.train_lines", config.train_lines, 1, 64)?,
+        mshrs_spared: range("prefetcher.mshrs_spared", config.mshrs_spared, 0, 1024)? as usize,
+        page_lines: page_bytes / LINE_BYTES as u32,
+    };
+    Ok((spec.streams > 0).then_some(spec))
+}
+
+fn tlb_level(at: &str, config: &TlbLevelConfig) -> Result<TlbLevelSpec, ConfigError> {
+    let path = |field: &str| format!("tlb.{at}.{field}");
+    let ways = range(&path("ways"), config.ways, 1, 16)?;
+    let entries = range(&path("entries"), config.entries, 1, 65_536)?;
+    if !entries.is_multiple_of(ways) {
+        return error(&path("entries"), entries, format_args!("a multiple of {ways}, the ways"));
+    }
+    let miss_cycles = u64::from(range(&path("miss_cycles"), config.miss_cycles, 0, 10_000)?);
+    Ok(TlbLevelSpec { sets: entries / ways, ways, miss_cycles })
+}
+
+fn tlb(config: &TlbConfig) -> Result<Option<TlbSpec>, ConfigError> {
+    let (small, large) = (tlb_level("small", &config.small)?, tlb_level("large", &config.large)?);
+    let second = tlb_level("second", &config.second)?;
+    let first = match config.page_bytes {
+        SMALL_PAGE_BYTES => small,
+        LARGE_PAGE_BYTES => large,
+        other => {
+            return error("tlb.page_bytes", other, format_args!("{SMALL_PAGE_BYTES} or {LARGE_PAGE_BYTES}"));
+        }
+    };
+    let spec = TlbSpec { page_lines: config.page_bytes / LINE_BYTES as u32, first, second };
+    Ok(config.enabled.then_some(spec))
+}
+
+/// A part of a time, 0 to 10.
+fn overhead(path: &str, value: f64) -> Result<f64, ConfigError> {
+    if !(0.0..=10.0).contains(&value) {
+        return error(path, value, "from 0 to 10");
+    }
+    Ok(value)
+}
+
 pub(super) fn validate(config: &MachineConfig) -> Result<MachineSpec, ConfigError> {
     if config.name.trim().is_empty() {
         return error("name", "empty", "some text: reports and folders are named after it");
@@ -105,6 +157,7 @@ pub(super) fn validate(config: &MachineConfig) -> Result<MachineSpec, ConfigErro
     let core = CoreSpec {
         dual_issue: config.core.dual_issue,
         blocks_on_l1_miss: config.core.blocks_on_l1_miss,
+        posted_streaming_stores: config.core.posted_streaming_stores,
         issue_interval: latency(
             "core.thread_issue_interval_cycles",
             config.core.thread_issue_interval_cycles,
@@ -146,6 +199,9 @@ pub(super) fn validate(config: &MachineConfig) -> Result<MachineSpec, ConfigErro
         );
     }
 
+    let prefetcher = prefetcher(&config.prefetcher)?;
+    let tlb = tlb(&config.tlb)?;
+
     // The ring and what stands at its stops.
     let cores_per_ring = range("ring.cores_per_ring", config.ring.cores_per_ring, 1, 4096)?;
     let bytes_per_cycle = range("ring.bytes_per_cycle", config.ring.bytes_per_cycle, 1, 4096)?;
@@ -154,6 +210,8 @@ pub(super) fn validate(config: &MachineConfig) -> Result<MachineSpec, ConfigErro
         line_slots: (LINE_BYTES as u32).div_ceil(bytes_per_cycle),
         hop_cycles: u64::from(range("ring.hop_cycles", config.ring.hop_cycles, 1, 64)?),
         crossing_cycles: u64::from(range("ring.crossing_cycles", config.ring.crossing_cycles, 1, 64)?),
+        address_rings: range("ring.address_rings", config.ring.address_rings, 1, 16)?,
+        acknowledge_rings: range("ring.acknowledge_rings", config.ring.acknowledge_rings, 0, 16)?,
         free: config.ideal.ring,
     };
     let directory_lookup = latency("directory.lookup_cycles", config.directory.lookup_cycles)?;
@@ -180,12 +238,24 @@ pub(super) fn validate(config: &MachineConfig) -> Result<MachineSpec, ConfigErro
             format_args!("at most memory.latency_ns, {}", config.memory.latency_ns),
         );
     }
+    let row_cycle = cycles_of_ns("memory.row_cycle_ns", config.memory.row_cycle_ns, clock_ghz)?;
+    let recovery_ns = config.memory.write_recovery_ns;
+    if !(0.0..=10_000.0).contains(&recovery_ns) {
+        return error("memory.write_recovery_ns", recovery_ns, "from 0 to 10000");
+    }
+    let read_overhead = overhead("memory.ecc.read_overhead", config.memory.ecc.read_overhead)?;
+    let write_overhead = overhead("memory.ecc.write_overhead", config.memory.ecc.write_overhead)?;
+    let [read_part, write_part] =
+        [read_overhead, write_overhead].map(|part| if config.memory.ecc.enabled { 1.0 + part } else { 1.0 });
     let memory = MemorySpec {
         controllers,
-        line_interval_x256: ((line_interval * FRACTION).round() as u64).max(1),
+        line_interval_x256: ((line_interval * read_part * FRACTION).round() as u64).max(1),
         row_miss_cycles,
         row_hit_cycles,
-        row_cycle_cycles: cycles_of_ns("memory.row_cycle_ns", config.memory.row_cycle_ns, clock_ghz)?,
+        row_cycle_cycles: (row_cycle as f64 * read_part).round() as u64,
+        write_row_cycle_cycles: ((row_cycle as f64 + recovery_ns * clock_ghz) * write_part).round() as u64,
+        turnaround_lines: range("memory.turnaround_lines", config.memory.turnaround_lines, 0, 64)?,
+        acknowledges_writes: config.memory.acknowledges_writes,
         banks: range("memory.banks", config.memory.banks, 1, 1024)?,
         row_lines: (row_bytes / LINE_BYTES) as u32,
     };
@@ -197,6 +267,8 @@ pub(super) fn validate(config: &MachineConfig) -> Result<MachineSpec, ConfigErro
         core,
         l1d,
         l2,
+        prefetcher,
+        tlb,
         ring,
         directory_lookup,
         directory_interval,

@@ -8,8 +8,8 @@
 //! ```
 //!
 //! Stops store nothing and messages never pause on their way [seiler08, §3.4]: a message waits at its stop until a slot
-//! comes by that stays free all the way. Lines and short messages (requests, acknowledgements) have rings of their own, as
-//! on Knights Corner [chrysos12].
+//! comes by that stays free all the way. Lines, addresses and acknowledgements have rings of their own, as on Knights
+//! Corner, where there are several for the short ones [chrysos12].
 
 mod belt;
 mod links;
@@ -29,10 +29,19 @@ const SHORT_BYTES: u64 = 8;
 /// What travels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Message {
-    /// A request, an invalidation or an acknowledgement.
-    Short,
+    /// A request, a forward, an invalidation or a notice.
+    Address,
+    /// An acknowledgement.
+    Acknowledge,
     /// A line.
     Line,
+}
+
+/// Which tracks of a ring a kind of message takes, in turns.
+#[derive(Debug, Clone, Copy)]
+struct Lanes {
+    first: usize,
+    count: u64,
 }
 
 /// Where a core sits.
@@ -42,7 +51,7 @@ struct Place {
     stop: u32,
 }
 
-/// Both directions of one ring, for both kinds of message.
+/// Both directions of one ring, for all kinds of message.
 #[derive(Debug)]
 struct Loop {
     stops: u32,
@@ -50,13 +59,13 @@ struct Loop {
     tracks: Tracks,
 }
 
-/// How the slots of a ring are kept, by message and direction.
+/// How the slots of a ring are kept, by lane and direction.
 #[derive(Debug)]
 enum Tracks {
     /// Every slot: `cycle`, and rings with too many stops for the other way.
-    Slots([Belt; 4]),
+    Slots(Vec<Belt>),
     /// How many in a window: `windowed`. From each stop to each other there is a way, row by row.
-    Counts { ways: Vec<CountedWay>, links: Box<[Links; 4]> },
+    Counts { ways: Vec<CountedWay>, links: Vec<Links> },
 }
 
 /// The shortest way from a stop to another.
@@ -83,17 +92,19 @@ pub(crate) struct Rings {
     places: Vec<Place>,
     rings: Vec<Loop>,
     bridge: Loop,
-    /// Slots that a short message and a line take.
-    slots: [u32; 2],
+    /// Slots that a message takes, by kind.
+    slots: [u32; 3],
+    /// Tracks that it takes, by kind.
+    lanes: [Lanes; 3],
     counters: RingCounters,
 }
 
 impl Loop {
-    fn new(stops: u32, hop_cycles: Cycle, exact: bool) -> Loop {
+    fn new(stops: u32, hop_cycles: Cycle, lanes: u32, exact: bool) -> Loop {
         let hop_cycles = u32::try_from(hop_cycles).expect("validated: far below 2^32 cycles");
         let tracks = if exact || stops > links::STOPS_MAX {
             // Links are pipelined: between two stops there are as many slots as a hop has cycles.
-            Tracks::Slots([0; 4].map(|_| Belt::new(stops * hop_cycles)))
+            Tracks::Slots((0..2 * lanes).map(|_| Belt::new(stops * hop_cycles)).collect())
         } else {
             let counted = |from: u32, to: u32| {
                 let way = way(stops, from, to);
@@ -105,18 +116,18 @@ impl Loop {
                 CountedWay { way, ride_cycles: way.hops * hop_cycles, rides: way.directions.map(ride) }
             };
             let ways = (0..stops).flat_map(|from| (0..stops).map(move |to| counted(from, to))).collect();
-            Tracks::Counts { ways, links: Box::new([0; 4].map(|_| Links::new())) }
+            Tracks::Counts { ways, links: (0..2 * lanes).map(|_| Links::new()).collect() }
         };
         Loop { stops, hop_cycles, tracks }
     }
 
-    /// Takes a message of `slots` slots from a stop to another; returns when it has arrived whole.
+    /// Takes a message of `slots` slots of a lane from a stop to another; returns when it has arrived whole.
     #[inline(always)]
     fn carry(
         &mut self,
         from: u32,
         to: u32,
-        message: Message,
+        lane: usize,
         slots: u32,
         now: Cycle,
         counters: &mut RingCounters,
@@ -128,7 +139,7 @@ impl Loop {
                 if way.hops == 0 {
                     return now;
                 }
-                let links = &mut links[message as usize * 2 + usize::from(way.directions[parity])];
+                let links = &mut links[lane * 2 + usize::from(way.directions[parity])];
                 let board = links.take(rides[parity], slots, now) + u64::from(slots - 1);
                 (board, way.hops, *ride_cycles)
             }
@@ -139,7 +150,7 @@ impl Loop {
                 }
                 let direction = usize::from(way.directions[parity]);
                 let ride_cycles = way.hops * self.hop_cycles;
-                let belt = &mut belts[message as usize * 2 + direction];
+                let belt = &mut belts[lane * 2 + direction];
                 let mut board = belt.board(from * self.hop_cycles, ride_cycles, direction, now);
                 for _ in 1..slots {
                     board = belt.board(from * self.hop_cycles, ride_cycles, direction, board + 1);
@@ -167,13 +178,23 @@ impl Rings {
     pub(crate) fn new(spec: &MachineSpec, exact: bool) -> Rings {
         let rings = spec.ring.rings;
         let size = |ring: u32| first_core(spec.cores, rings, ring + 1) - first_core(spec.cores, rings, ring);
+        // One lane for lines, then those for addresses, then those for acknowledgements.
+        let (address, acknowledge) = (spec.ring.address_rings, spec.ring.acknowledge_rings);
+        let count = 1 + address + acknowledge;
+        let addresses = Lanes { first: 1, count: address.into() };
+        let acknowledges = match acknowledge {
+            0 => addresses,
+            _ => Lanes { first: 1 + address as usize, count: acknowledge.into() },
+        };
+        let lanes = [addresses, acknowledges, Lanes { first: 0, count: 1 }];
         let places = |ring| (0..size(ring)).map(move |stop| Place { ring, stop });
         Rings {
             spec: spec.ring.clone(),
             places: (0..rings).flat_map(places).collect(),
-            rings: (0..rings).map(|ring| Loop::new(size(ring), spec.ring.hop_cycles, exact)).collect(),
-            bridge: Loop::new(rings, spec.ring.crossing_cycles, exact),
-            slots: [1, spec.ring.line_slots],
+            rings: (0..rings).map(|ring| Loop::new(size(ring), spec.ring.hop_cycles, count, exact)).collect(),
+            bridge: Loop::new(rings, spec.ring.crossing_cycles, count, exact),
+            slots: [1, 1, spec.ring.line_slots],
+            lanes,
             counters: RingCounters::default(),
         }
     }
@@ -182,20 +203,23 @@ impl Rings {
     #[inline]
     pub(crate) fn send(&mut self, from: u32, to: u32, message: Message, now: Cycle) -> Cycle {
         if from == to || self.spec.free {
+            self.counters.local += 1;
             return now;
         }
         let counters = &mut self.counters;
         counters.messages += 1;
-        counters.bytes += [SHORT_BYTES, lrbsim_isa::arena::LINE_BYTES][message as usize];
+        counters.bytes += [SHORT_BYTES, SHORT_BYTES, lrbsim_isa::arena::LINE_BYTES][message as usize];
         let slots = self.slots[message as usize];
+        let Lanes { first, count } = self.lanes[message as usize];
+        let lane = if count == 1 { first } else { first + (counters.messages % count) as usize };
         let (from, to) = (self.places[from as usize], self.places[to as usize]);
         if from.ring == to.ring {
             let ring = &mut self.rings[from.ring as usize];
-            return ring.carry(from.stop, to.stop, message, slots, now, counters);
+            return ring.carry(from.stop, to.stop, lane, slots, now, counters);
         }
-        let out = self.rings[from.ring as usize].carry(from.stop, 0, message, slots, now, counters);
-        let across = self.bridge.carry(from.ring, to.ring, message, slots, out, counters);
-        self.rings[to.ring as usize].carry(0, to.stop, message, slots, across, counters)
+        let out = self.rings[from.ring as usize].carry(from.stop, 0, lane, slots, now, counters);
+        let across = self.bridge.carry(from.ring, to.ring, lane, slots, out, counters);
+        self.rings[to.ring as usize].carry(0, to.stop, lane, slots, across, counters)
     }
 
     /// Cycles that messages have waited for slots so far.
@@ -215,7 +239,7 @@ impl Rings {
             return 0;
         }
         let tail = match message {
-            Message::Short => 0,
+            Message::Address | Message::Acknowledge => 0,
             Message::Line => u64::from(self.spec.line_slots - 1),
         };
         let leg = |on: &Loop, from, to| match way(on.stops, from, to).hops {

@@ -23,7 +23,7 @@ fn an_idle_message_arrives_after_its_hops_and_not_a_cycle_off() {
     {
         let mut now = 7;
         for (from, to) in [(0, cores - 1), (cores / 2, 0), (cores / 3, cores / 2)] {
-            for message in [Message::Short, Message::Line] {
+            for message in [Message::Address, Message::Line] {
                 // Long after the last message has left the ring.
                 now += 10_001;
                 let idle = rings.idle_cycles(from, to, message);
@@ -38,7 +38,7 @@ fn ways_are_never_longer_than_half_a_ring() {
     let rings = rings(12, |_| ());
     for from in 0..12 {
         for to in 0..12 {
-            let hops = rings.idle_cycles(from, to, Message::Short);
+            let hops = rings.idle_cycles(from, to, Message::Address);
             let apart = u64::from(from.abs_diff(to));
             assert_eq!(hops, apart.min(12 - apart));
         }
@@ -49,7 +49,7 @@ fn ways_are_never_longer_than_half_a_ring() {
 fn a_narrow_ring_sends_a_line_in_pieces() {
     for mut rings in both(12, |config| config.ring.bytes_per_cycle = 16) {
         assert_eq!(rings.send(0, 3, Message::Line, 100), 100 + 3 + 3);
-        assert_eq!(rings.send(0, 3, Message::Short, 100), 100 + 3);
+        assert_eq!(rings.send(0, 3, Message::Address, 100), 100 + 3);
     }
 }
 
@@ -101,7 +101,7 @@ fn counted_links_fill_exactly_where_rides_pass() {
             *model.entry((window, direction, link)).or_default() += 1;
         }
         let expected = now.max(window * 64) * u64::from(hops > 0) + now * u64::from(hops == 0);
-        assert_eq!(rings.send(from, to, Message::Short, now), expected + u64::from(hops));
+        assert_eq!(rings.send(from, to, Message::Address, now), expected + u64::from(hops));
     }
 }
 

@@ -86,7 +86,7 @@ pub(crate) fn mean_transfer_cycles(spec: &MachineSpec, rings: &Rings) -> Cycle {
     let (mut short, mut line, mut pairs) = (0, 0, 0);
     for from in (0..cores).step_by(stride) {
         for to in (0..cores).step_by(stride) {
-            short += rings.idle_cycles(from, to, Message::Short);
+            short += rings.idle_cycles(from, to, Message::Address);
             line += rings.idle_cycles(from, to, Message::Line);
             pairs += 1;
         }

@@ -1,0 +1,91 @@
+//! Locked operations, and stores to lines that another core wrote.
+
+use crate::threads::{again, start};
+use crate::{Prepared, Threads, pass};
+use lrbsim_isa::kernel::Kernel;
+use lrbsim_isa::vpu::Vpu;
+use lrbsim_isa::{Addr, Arena};
+
+/// Operations of a thread a pass.
+const OPERATIONS: u32 = 256;
+
+/// Who has the lines that are operated on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum LockedLine {
+    /// The core itself: one line, in its L1.
+    Own,
+    /// Core 1 wrote them; each is operated on once.
+    Remote,
+    /// All cores operate on one line.
+    Contended,
+}
+
+/// What is done to a line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum LineOperation {
+    /// A plain store.
+    Store,
+    /// A locked add.
+    Add,
+    /// A locked compare-exchange.
+    CompareExchange,
+}
+
+/// Operations of one thread, or of one thread a core. Units: operations.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Atomic {
+    /// Who has the lines.
+    pub line: LockedLine,
+    /// What is done to them.
+    pub operation: LineOperation,
+}
+
+impl Atomic {
+    pub(crate) fn prepare(&self, mut arena: Arena, cores: u32) -> Prepared {
+        let one = |core| Threads::OnCore { core, threads: 1 };
+        let (me, before, stride) = match self.line {
+            LockedLine::Own => (one(0), one(0), 0),
+            LockedLine::Remote => (one(0), one(1), 16),
+            LockedLine::Contended => (Threads::Spread(cores), Threads::Spread(cores), 0),
+        };
+        let base = arena.alloc(u64::from(OPERATIONS) * 16);
+        let mut operate = |name, threads: Threads, operation| {
+            let plan = threads.plan(&mut arena, cores, |_| 0);
+            pass(name, plan.tasks, Operate { table: plan.table(), base, stride, operation })
+        };
+        let passes =
+            vec![operate("own", before, LineOperation::Store), operate("operate", me, self.operation)];
+        Prepared { arena, passes, units: u64::from(OPERATIONS * me.count()) }
+    }
+}
+
+struct Operate {
+    table: Addr,
+    base: Addr,
+    stride: i32,
+    operation: LineOperation,
+}
+
+impl Kernel for Operate {
+    #[inline(always)]
+    fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
+        let Some(mut index) = start(v, self.table, task) else { return };
+        let (one, stride) = (v.s_imm(1), v.s_imm(self.stride));
+        let mut left = v.s_imm(OPERATIONS as i32);
+        loop {
+            match self.operation {
+                LineOperation::Store => v.s_store(self.base, index, one),
+                LineOperation::Add => {
+                    v.s_atomic_add(self.base, index, one);
+                }
+                LineOperation::CompareExchange => {
+                    v.s_atomic_compare_exchange(self.base, index, one, one);
+                }
+            }
+            index = v.s_add(index, stride);
+            if !again(v, &mut left) {
+                return;
+            }
+        }
+    }
+}

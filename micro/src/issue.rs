@@ -1,0 +1,77 @@
+//! Throughput of arithmetic on registers.
+
+use crate::threads::{again, start};
+use crate::{Prepared, Threads, pass};
+use lrbsim_isa::kernel::Kernel;
+use lrbsim_isa::vpu::Vpu;
+use lrbsim_isa::{Addr, Arena};
+
+/// Instructions of a chain between two branches.
+const UNROLL: u32 = 64;
+/// Turns of the loop.
+const TURNS: i32 = 200;
+
+/// What is computed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Operation {
+    /// Multiplies.
+    Multiply,
+    /// Fused multiply-adds.
+    MultiplyAdd,
+}
+
+/// Chains of dependent vector instructions. Units: instructions.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Issue {
+    /// What is computed.
+    pub operation: Operation,
+    /// Chains of a thread that do not depend on one another, 1 to 4.
+    pub chains: u32,
+    /// Who computes.
+    pub threads: Threads,
+}
+
+impl Issue {
+    pub(crate) fn prepare(&self, mut arena: Arena, cores: u32) -> Prepared {
+        assert!((1..=4).contains(&self.chains), "{} chains", self.chains);
+        let plan = self.threads.plan(&mut arena, cores, |_| 0);
+        let chain = Chain { table: plan.table(), operation: self.operation, chains: self.chains as usize };
+        let instructions = u64::from(self.chains * UNROLL) * TURNS as u64;
+        Prepared {
+            passes: vec![pass("chains", plan.tasks, chain)],
+            units: instructions * u64::from(self.threads.count()),
+            arena,
+        }
+    }
+}
+
+struct Chain {
+    table: Addr,
+    operation: Operation,
+    chains: usize,
+}
+
+impl Kernel for Chain {
+    #[inline(always)]
+    fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
+        if start(v, self.table, task).is_none() {
+            return;
+        }
+        let factor = v.vset_f32(0.5);
+        let mut sums = [factor; 4];
+        let mut left = v.s_imm(TURNS);
+        loop {
+            for _ in 0..UNROLL {
+                for sum in &mut sums[..self.chains] {
+                    *sum = match self.operation {
+                        Operation::Multiply => v.vmul(*sum, factor),
+                        Operation::MultiplyAdd => v.vmadd(*sum, factor, factor),
+                    };
+                }
+            }
+            if !again(v, &mut left) {
+                return;
+            }
+        }
+    }
+}

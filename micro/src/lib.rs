@@ -1,0 +1,77 @@
+//! Microbenchmarks: small kernels that each ask a machine one question.
+//!
+//! ```text
+//! Bench (plain data) ─ prepare ─► Prepared { arena, passes } ─ the driver runs the passes on a chip ─► cycles of the last
+//! ```
+//!
+//! A benchmark is a few passes; all threads run each at once, and the last is measured: the passes before it bring caches
+//! and other cores into the state that the question is about. Kernels are those of the measured programs: loops over the
+//! same arrays, with the same operations and prefetches a line. They know no machine but its number of cores, which says
+//! where a thread runs.
+
+mod atomic;
+mod chase;
+mod gather;
+mod issue;
+mod stream;
+mod threads;
+
+#[cfg(test)]
+mod tests;
+
+pub use atomic::{Atomic, LineOperation, LockedLine};
+pub use chase::{Chase, Copy as CopyState, Order, Remote};
+pub use gather::Gather;
+pub use issue::{Issue, Operation};
+pub use stream::{Arrays, Prefetch, Store, Stream};
+pub use threads::Threads;
+
+use lrbsim_isa::program::{Ordering, Step};
+use lrbsim_isa::{Arena, kernel::Kernel};
+
+/// A benchmark: everything that determines what is run.
+#[derive(Debug, Clone, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Bench {
+    /// Dependent loads of one thread.
+    Chase(Chase),
+    /// Dependent loads of lines that another core holds.
+    Remote(Remote),
+    /// Arithmetic on registers.
+    Issue(Issue),
+    /// Loops over arrays.
+    Stream(Stream),
+    /// Gathers.
+    Gather(Gather),
+    /// Locked operations.
+    Atomic(Atomic),
+}
+
+/// A benchmark that can be run.
+pub struct Prepared {
+    /// Simulated memory.
+    pub arena: Arena,
+    /// What all threads run, one after the other; the last is measured.
+    pub passes: Vec<Step>,
+    /// Work in the measured pass: accesses, instructions, bytes or operations, as the benchmark says.
+    pub units: u64,
+}
+
+impl Bench {
+    /// Lays the benchmark out for a machine of `cores` cores.
+    pub fn prepare(&self, cores: u32) -> Prepared {
+        let arena = Arena::new();
+        match self {
+            Bench::Chase(bench) => bench.prepare(arena, cores),
+            Bench::Remote(bench) => bench.prepare(arena, cores),
+            Bench::Issue(bench) => bench.prepare(arena, cores),
+            Bench::Stream(bench) => bench.prepare(arena, cores),
+            Bench::Gather(bench) => bench.prepare(arena, cores),
+            Bench::Atomic(bench) => bench.prepare(arena, cores),
+        }
+    }
+}
+
+/// A pass of `tasks` tasks, one a thread.
+fn pass(name: &'static str, tasks: u32, kernel: impl Kernel + 'static) -> Step {
+    Step { name, ordering: Ordering::Ordered, tasks, kernel: Box::new(kernel) }
+}

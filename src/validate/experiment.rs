@@ -1,0 +1,91 @@
+//! One benchmark on one machine.
+
+use lrbsim_isa::host::HostSimd;
+use lrbsim_isa::program::StepSource;
+use lrbsim_machine::{Chip, CoreActivity, Fidelity, StepReport};
+use lrbsim_micro::Bench;
+
+use crate::Setting;
+use crate::error::BadInput;
+use crate::inputs::Machine;
+
+/// Everything that determines an outcome, beside the machine that it starts from.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Experiment {
+    /// What the part and the conditions of the measurement change of the machine, as `PATH=VALUE`.
+    pub settings: Vec<String>,
+    /// What is run.
+    pub bench: Bench,
+}
+
+/// What came out of an experiment.
+#[derive(Debug, Clone)]
+pub struct Outcome {
+    /// Cycles of the measured pass: the mean of the cores that work in it. The programs run for seconds, so that every
+    /// thread meets all banks of the memory; in a short pass the last thread is only the one that had bad luck.
+    pub cycles: f64,
+    /// Units of work in it.
+    pub units: f64,
+    /// Clock of the machine, GHz.
+    pub clock_ghz: f64,
+    /// What the machine counted in it.
+    pub counters: StepReport,
+}
+
+impl Outcome {
+    /// Cycles a unit of work.
+    pub fn cycles_per_unit(&self) -> f64 {
+        self.cycles / self.units
+    }
+
+    /// Nanoseconds a unit of work.
+    pub fn ns_per_unit(&self) -> f64 {
+        self.cycles_per_unit() / self.clock_ghz
+    }
+
+    /// Units of work a nanosecond: GB/s when the units are bytes.
+    pub fn units_per_ns(&self) -> f64 {
+        self.ns_per_unit().recip()
+    }
+}
+
+impl Experiment {
+    /// A guess at what it costs the host, to begin with the longest.
+    pub(super) fn weight(&self) -> u64 {
+        match &self.bench {
+            Bench::Stream(stream) => {
+                u64::from(stream.threads.count()) * u64::from(stream.warm_lines + stream.lines)
+            }
+            _ => 10_000,
+        }
+    }
+
+    /// Runs it.
+    pub(super) fn run(&self, machine: &Machine, fidelity: Fidelity) -> Result<Outcome, BadInput> {
+        let mut settings: Vec<Setting> =
+            self.settings.iter().map(|text| text.parse()).collect::<Result<_, BadInput>>()?;
+        // Measured programs pin their threads and start them together: no task counter, and no barrier in the time.
+        for part in ["ideal.queue=true", "ideal.barrier=true"] {
+            settings.push(part.parse()?);
+        }
+        let machine = machine.with(&settings)?;
+        let prepared = self.bench.prepare(machine.spec.cores);
+        let mut chip = Chip::new(&machine.spec, fidelity);
+        let mut counters = StepReport::default();
+        for step in &prepared.passes {
+            let mut source = StepSource { step, arena: &prepared.arena, simd: HostSimd::detect() };
+            counters = chip.run_step(&mut source);
+        }
+        // Cores without a thread come and go at once; they issue two or three uops.
+        let most = chip.activity().iter().map(|core| core.issued).max().unwrap_or(0);
+        let works = |core: &&CoreActivity| core.issued * 2 > most;
+        let arrivals: Vec<f64> =
+            chip.activity().iter().filter(works).map(|core| core.arrival_cycles as f64).collect();
+        Ok(Outcome {
+            cycles: arrivals.iter().sum::<f64>() / arrivals.len() as f64,
+            units: prepared.units as f64,
+            clock_ghz: machine.config.clock_ghz,
+            counters,
+        })
+    }
+}
