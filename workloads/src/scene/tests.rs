@@ -182,11 +182,12 @@ fn fingerprint(scene: &Scene) -> u64 {
 
 /// Frozen: a shipped scene changes only together with the version of this crate and for a reason that the change
 /// names, as all tables made with it change too.
-const FROZEN: [(&str, u64); 8] = [
+const FROZEN: [(&str, u64); 9] = [
     ("cornell", 0x40a5_b712_98ec_daf7),
     ("fern", 0xef7c_5c6b_3e47_d6ea),
     ("palm", 0x295a_3515_39af_061b),
     ("saloon", 0x3607_c3de_b565_3bd6),
+    ("saloon-orbit", 0xc8fc_c767_5244_4974),
     ("saloon-small", 0x60e9_6f87_49c0_d476),
     ("street", 0x46cb_386f_b247_e538),
     ("table", 0xf817_76b5_3928_5bd6),
