@@ -10,9 +10,11 @@
 use crossbeam_channel::{Receiver, Sender, bounded};
 use lrbsim_isa::host::{HostSimd, run_functional};
 use lrbsim_isa::program::{StepSource, TaskSource};
+use lrbsim_isa::stream::TASK_UOPS_MAX;
 use lrbsim_isa::{Arena, Ordering, Step, Stream};
 use lrbsim_machine::{Chip, Fidelity, MachineSpec, StepReport};
 
+use crate::error::BadInput;
 use crate::progress::Progress;
 
 /// Streams that may be recorded and not yet timed, over all recording threads. A stream has up to about 64 K uops: a few
@@ -43,18 +45,32 @@ impl Engine {
     }
 
     /// Runs all tasks of `step` and the barrier that ends it.
-    pub fn run(&mut self, step: &Step, arena: &Arena, progress: &dyn Progress) -> StepReport {
-        match &mut self.chip {
-            None => run_untimed(step, arena, self.simd, self.host_threads),
-            Some(chip) if self.host_threads > 1 && step.tasks > 1 => {
-                record_ahead(step, arena, self.simd, self.host_threads - 1, |inner| {
-                    chip.run_step(&mut Watched { inner, progress })
-                })
-            }
-            Some(chip) => {
-                let mut source = Watched { inner: StepSource { step, arena, simd: self.simd }, progress };
-                chip.run_step(&mut source)
-            }
+    pub fn run(
+        &mut self,
+        step: &Step,
+        arena: &Arena,
+        progress: &dyn Progress,
+    ) -> Result<StepReport, BadInput> {
+        let Some(chip) = &mut self.chip else {
+            return Ok(run_untimed(step, arena, self.simd, self.host_threads));
+        };
+        let mut too_long = None;
+        let report = if self.host_threads > 1 && step.tasks > 1 {
+            record_ahead(step, arena, self.simd, self.host_threads - 1, |inner| {
+                chip.run_step(&mut Watched { inner, progress, too_long: &mut too_long })
+            })
+        } else {
+            let inner = StepSource { step, arena, simd: self.simd };
+            chip.run_step(&mut Watched { inner, progress, too_long: &mut too_long })
+        };
+        match too_long {
+            None => Ok(report),
+            Some(task) => Err(BadInput::new(format!(
+                "task {task} of step `{}` has more instructions than can be recorded: more than {TASK_UOPS_MAX}, or \
+                 more than the host has memory for",
+                step.name
+            ))
+            .with_help("a smaller image or mesh has shorter tasks; `--fidelity functional` records none")),
         }
     }
 }
@@ -143,6 +159,8 @@ impl TaskSource for RecordedAhead {
 struct Watched<'a, T> {
     inner: T,
     progress: &'a dyn Progress,
+    /// The first task whose stream was cut short.
+    too_long: &'a mut Option<u32>,
 }
 
 impl<T: TaskSource> TaskSource for Watched<'_, T> {
@@ -152,6 +170,9 @@ impl<T: TaskSource> TaskSource for Watched<'_, T> {
 
     fn record(&mut self, task: u32, stream: &mut Stream) {
         self.inner.record(task, stream);
+        if stream.cut_short {
+            self.too_long.get_or_insert(task);
+        }
         self.progress.task(stream.uops.len() as u64);
     }
 }

@@ -1,7 +1,7 @@
 //! One frame, from a scene and a machine to a report and a picture.
 
 use lrbsim_isa::host::HostSimd;
-use lrbsim_isa::{Arena, Program};
+use lrbsim_isa::{Arena, ArenaError, Program};
 use lrbsim_kernels::sism;
 use lrbsim_machine::{Fidelity, PhaseCounters};
 use lrbsim_reports::counters::{Clock, PhaseName, phase_reports};
@@ -94,10 +94,10 @@ pub fn run_frame(request: &RunRequest, progress: &dyn Progress) -> Result<RunOut
     // The kernels, on the machine.
     let simulation = Stopwatch::start();
     let mut engine = Engine::new(&machine.spec, *fidelity, host.simd, host.threads);
-    let mut simulated = simulate(request.algorithm, &input, &mut engine, progress);
+    let mut simulated = simulate(request.algorithm, &input, &mut engine, progress)?;
     for _ in 0..request.warm_frames {
         // Again from the start, with every array where it was: only the chip remembers.
-        simulated = simulate(request.algorithm, &input, &mut engine, progress);
+        simulated = simulate(request.algorithm, &input, &mut engine, progress)?;
     }
     let simulation_seconds = simulation.elapsed().as_secs_f64();
 
@@ -139,19 +139,19 @@ fn simulate(
     input: &ShadowInput,
     engine: &mut Engine,
     progress: &dyn Progress,
-) -> Simulated {
-    let mut arena = Arena::new();
+) -> Result<Simulated, BadInput> {
+    let mut arena = Arena::reserve().map_err(no_memory)?;
     match algorithm {
         Algorithm::Sism => {
             let options = sism::Options { form: sism::Form::Exact };
             let mut program = sism::program(input, &options, &mut arena);
-            let (phases, core_busy_cycles) = run_program(&mut program, &mut arena, engine, progress);
-            Simulated {
+            let (phases, core_busy_cycles) = run_program(&mut program, &mut arena, engine, progress)?;
+            Ok(Simulated {
                 phases,
                 core_busy_cycles,
                 visibility: program.state.visibility(&arena),
                 silhouette_edges: program.state.silhouette_edges(&arena),
-            }
+            })
         }
     }
 }
@@ -165,15 +165,16 @@ fn run_program<S>(
     arena: &mut Arena,
     engine: &mut Engine,
     progress: &dyn Progress,
-) -> PhaseCosts {
+) -> Result<PhaseCosts, BadInput> {
     let (mut rows, mut busy_rows) = (Vec::new(), Vec::new());
     for phase in &program.phases {
         let mut sum = PhaseCounters::default();
         let mut busy = engine.core_busy_cycles().map(|cores| vec![0; cores.count()]);
         for make_step in &phase.steps {
             let step = make_step(&mut program.state, arena);
+            arena.check().map_err(no_memory)?;
             progress.step(phase.title, step.tasks);
-            let cost = engine.run(&step, arena, progress);
+            let cost = engine.run(&step, arena, progress)?;
             progress.uops(cost.issued);
             sum += cost;
             if let (Some(busy), Some(cores)) = (&mut busy, engine.core_busy_cycles()) {
@@ -186,7 +187,14 @@ fn run_program<S>(
     }
     let untimed = arena.host_reads_in_task();
     assert!(untimed == 0, "tasks read the arena {untimed} times past the Vpu: work that nobody timed");
-    (rows, busy_rows)
+    Ok((rows, busy_rows))
+}
+
+/// A host that is too small for the frame.
+fn no_memory(error: ArenaError) -> BadInput {
+    BadInput::new(error.to_string()).with_help(
+        "a smaller image or mesh needs less; so does a host that limits the address space less (`ulimit -v`)",
+    )
 }
 
 fn report(request: &RunRequest, eye: &EyeView, simulated: &Simulated, frame: &Frame) -> RunReport {

@@ -49,3 +49,23 @@ pub fn lanes_below<V: Vpu>(v: &mut V, first: V::S32, end: V::S32) -> V::Mask {
 pub fn lower<V: Vpu>(v: &mut V, a: V::S32, b: V::S32) -> V::S32 {
     if v.branch(Compare::Less, a, b) { a } else { b }
 }
+
+/// First and end of task `task` of `size` items each, out of `count`.
+#[inline(always)]
+pub fn task_range<V: Vpu>(v: &mut V, task: V::S32, size: u32, count: u32) -> (V::S32, V::S32) {
+    let size = v.s_imm(size as i32);
+    let first = v.s_mul(task, size);
+    let end = v.s_add(first, size);
+    let count = v.s_imm(count as i32);
+    (first, lower(v, end, count))
+}
+
+/// Number of the lowest bit that is set in `bits`, which is cleared: the lanes of a mask one after the other.
+#[inline(always)]
+pub fn take_lane<V: Vpu>(v: &mut V, bits: &mut V::S32) -> V::S32 {
+    let one = v.s_imm(1);
+    let lane = v.s_tzcnt(*bits);
+    let rest = v.s_sub(*bits, one);
+    *bits = v.s_and(*bits, rest);
+    lane
+}

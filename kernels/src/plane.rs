@@ -5,14 +5,14 @@ use lrbsim_isa::{Addr, Vpu};
 /// Three floats a lane.
 pub type Vec3<V> = [<V as Vpu>::F32; 3];
 
-/// A point is shadowed by a triangle only if the triangle is nearer by this part of the distance: rounding of f32
-/// positions, nothing else; it replaces slope bias [algorithms, 1.2].
-pub const RELATIVE_EPSILON: f32 = 1e-5;
+/// What f32 may make of a point on a triangle's plane, as a part of the sizes of the terms of `point . normal`: eight
+/// roundings, of the point, the corner and two dot products. See [`plane_slack`].
+pub const PLANE_SLACK: f32 = 1.0 / (1 << 21) as f32;
 
 /// Words of a triangle's record: one line.
 ///
 /// `0..9` normals of the planes through the light and the edges 01, 12, 20, each `low x high` by vertex number;
-/// `9..12` normal of the triangle, away from the light; `12` its plane, farther by [`RELATIVE_EPSILON`];
+/// `9..12` normal of the triangle, away from the light; `12` its plane, farther by [`plane_slack`];
 /// `13..16` flags of the three edges: sign bit set where the triangle lies right of `low -> high`; in `13` also
 /// [`FRONT`], [`BACK`], [`AWAY`], and from bit [`FACES_SHIFT`] on the faces around the light that it can shadow.
 pub const TRIANGLE_WORDS: u32 = 16;
@@ -43,6 +43,26 @@ pub fn dot<V: Vpu>(v: &mut V, a: Vec3<V>, b: Vec3<V>) -> V::F32 {
 pub fn edge_normal<V: Vpu>(v: &mut V, low: Vec3<V>, high: Vec3<V>) -> Vec3<V> {
     let along = sub(v, high, low);
     cross(v, low, along)
+}
+
+/// How much farther along its `normal` than a triangle's plane a point must lie to be shadowed by it: rounding of f32,
+/// nothing else; it replaces slope bias [algorithms, 1.2].
+///
+/// Not a part of the distance: that would be too little for a plane that is nearly edge-on to the light, and let light in
+/// behind leaves and at contacts under a far one.
+#[inline(always)]
+pub fn plane_slack<V: Vpu>(v: &mut V, corners: [Vec3<V>; 3], normal: Vec3<V>) -> V::F32 {
+    let size = |v: &mut V, a: Vec3<V>| [v.vabs(a[0]), v.vabs(a[1]), v.vabs(a[2])];
+    let of_normal = size(v, normal);
+    let mut terms = |corner: Vec3<V>| {
+        let of_corner = size(v, corner);
+        dot(v, of_corner, of_normal)
+    };
+    let terms = corners.map(&mut terms);
+    let greatest = v.vmax(terms[0], terms[1]);
+    let greatest = v.vmax(greatest, terms[2]);
+    let part = v.vset_f32(PLANE_SLACK);
+    v.vmul(greatest, part)
 }
 
 /// `a x b`.

@@ -41,15 +41,12 @@ pub fn segment<V: Vpu>(v: &mut V, live: V::Mask, u0: Vec2<V>, u1: Vec2<V>) -> (V
     let half_chord2 = v.vmul(below, above);
     let h = math::sqrt(v, half_chord2);
     let minus_h = v.vsub(zero, h);
-    let mut along = |u: Vec2<V>| {
-        let t = v.vmul(u[1], e[1]);
-        let t = v.vmadd(u[0], e[0], t);
-        let t = v.vmul(t, per_length);
-        let t = v.vmax(t, minus_h);
-        v.vmin(t, h)
-    };
-    let a = along(u0);
-    let b = along(u1);
+    let a = along(v, u0, e, per_length);
+    let a = v.vmax(a, minus_h);
+    let a = v.vmin(a, h);
+    let b = along(v, u1, e, per_length);
+    let b = v.vmax(b, minus_h);
+    let b = v.vmin(b, h);
     let live = v.vcmp_lt_masked(live, a, b);
     if !v.branch_any(live) {
         return (live, zero);
@@ -66,4 +63,12 @@ pub fn segment<V: Vpu>(v: &mut V, live: V::Mask, u0: Vec2<V>, u1: Vec2<V>) -> (V
     let f = v.vmul(area, turn);
     let f = v.vmax(f, zero);
     (live, v.vblend_f32(live, f, zero))
+}
+
+/// How far `u` lies along the direction of `e`.
+#[inline(always)]
+fn along<V: Vpu>(v: &mut V, u: Vec2<V>, e: Vec2<V>, per_length: V::F32) -> V::F32 {
+    let t = v.vmul(u[1], e[1]);
+    let t = v.vmadd(u[0], e[0], t);
+    v.vmul(t, per_length)
 }

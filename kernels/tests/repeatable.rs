@@ -20,6 +20,21 @@ fn every_back_end_gives_the_same_picture() {
     }
 }
 
+/// FNV-1a of the picture that all hosts must give, bit by bit. It changes with the scene, and with whatever in the kernels
+/// moves a single bit of it: never by accident.
+const SALOON_AT_80_BY_60: u64 = 0x5613_f1cc_be68_f463;
+
+#[test]
+fn a_scene_of_the_paper_has_one_picture_on_every_back_end_and_host() {
+    let input = shipped("saloon", Some((80, 60))).2;
+    for on in back_ends() {
+        let bytes = Run::new(&input, on).visibility().into_iter().flat_map(f32::to_le_bytes);
+        let hash = bytes
+            .fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3));
+        assert_eq!(hash, SALOON_AT_80_BY_60, "{on:?}: 0x{hash:016x}");
+    }
+}
+
 /// Prints the longest task and the register pressure of each step, and holds them.
 fn figures(name: &str, size: Option<(u32, u32)>) {
     let input = shipped(name, size).2;

@@ -1,6 +1,7 @@
 //! A small picture of a scene, by shadow rays on the host.
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use crate::bvh::Bvh;
 use crate::eye::EyeView;
@@ -26,28 +27,34 @@ pub struct Preview {
 }
 
 impl Preview {
-    /// Draws `scene` at `width` columns, its height in proportion.
+    /// Draws `scene` at `width` columns, its height in proportion. Runs on all host threads; the result does not depend
+    /// on them.
     #[must_use]
     pub fn new(scene: &Scene, width: u32) -> Self {
         let height = (width * scene.image.height).div_ceil(scene.image.width).max(1);
         let bvh = Bvh::new(&scene.mesh);
         let eye = EyeView::render_with(&bvh, &scene.mesh, &scene.camera, width, height);
         let rays = Rays::new(&scene.light, RAYS);
+        let shades: Vec<(f64, f64)> = (0..eye.points.len())
+            .into_par_iter()
+            .map(|i| {
+                // Turned by the golden section from pixel to pixel, so that few rays do not show as bands.
+                let turn = (f64::from(eye.pixels[i]) * 0.618_033_988_749_895).fract();
+                let visible = rays.visibility(&bvh, eye.points[i], eye.triangles[i], turn);
+                let to_light = (scene.light.center() - eye.points[i]).normalize_or(DVec3::Y);
+                let facing = eye.normals[i].as_dvec3().dot(to_light).max(0.0);
+                (visible, 0.15 + 0.85 * facing * visible)
+            })
+            .collect();
         let mut picture = Self {
             width,
             height,
             pixels: vec![None; (width * height) as usize],
             receivers: eye.points.len(),
-            penumbra: 0,
+            penumbra: shades.iter().filter(|&&(visible, _)| visible > 0.0 && visible < 1.0).count(),
         };
-        for (i, &pixel) in eye.pixels.iter().enumerate() {
-            // Turned by the golden section from pixel to pixel, so that few rays do not show as bands.
-            let turn = (f64::from(pixel) * 0.618_033_988_749_895).fract();
-            let visible = rays.visibility(&bvh, eye.points[i], eye.triangles[i], turn);
-            picture.penumbra += usize::from(visible > 0.0 && visible < 1.0);
-            let to_light = (scene.light.center() - eye.points[i]).normalize_or(DVec3::Y);
-            let facing = eye.normals[i].as_dvec3().dot(to_light).max(0.0);
-            picture.pixels[pixel as usize] = Some(0.15 + 0.85 * facing * visible);
+        for (&pixel, &(_, shade)) in eye.pixels.iter().zip(&shades) {
+            picture.pixels[pixel as usize] = Some(shade);
         }
         picture
     }
@@ -91,5 +98,22 @@ impl Preview {
             text.push('\n');
         }
         text
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    #[test]
+    fn the_picture_does_not_depend_on_host_threads() {
+        let scene = crate::load_scene("saloon-small", Path::new(".")).expect("shipped");
+        let with = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+            pool.install(|| Preview::new(&scene, 64))
+        };
+        assert_eq!(with(1), with(3));
     }
 }

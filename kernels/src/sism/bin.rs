@@ -8,7 +8,7 @@ use lrbsim_isa::{Addr, Arena, Compare, Kernel, Ordering, Step, Vpu};
 use super::Frame;
 use super::layout::{CHILDREN, EDGE_WORDS, Layout};
 use super::touch::{Edge, FaceFrame, Touch, Triangle};
-use crate::columns::{lanes_below, lower};
+use crate::columns::{lanes_below, take_lane, task_range};
 use crate::plane::{BACK, FACES_SHIFT, FRONT, TRIANGLE_WORDS};
 
 /// Triangles or edges of a task.
@@ -50,13 +50,9 @@ impl Kernel for Bin {
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
         let layout = &self.layout;
         let triangle_tasks = v.s_imm(self.triangle_tasks as i32);
-        let size = v.s_imm(TASK as i32);
         let one = v.s_imm(1);
         if v.branch(Compare::Less, task, triangle_tasks) {
-            let mut i = v.s_mul(task, size);
-            let end = v.s_add(i, size);
-            let count = v.s_imm(layout.triangle_count as i32);
-            let end = lower(v, end, count);
+            let (mut i, end) = task_range(v, task, TASK, layout.triangle_count);
             let words = v.s_imm(TRIANGLE_WORDS as i32);
             let layers = v.s_imm(FRONT | BACK);
             let none = v.s_imm(0);
@@ -73,10 +69,7 @@ impl Kernel for Bin {
             }
         } else {
             let task = v.s_sub(task, triangle_tasks);
-            let mut i = v.s_mul(task, size);
-            let end = v.s_add(i, size);
-            let count = v.s_imm(self.edges as i32);
-            let end = lower(v, end, count);
+            let (mut i, end) = task_range(v, task, TASK, self.edges);
             let words = v.s_imm(EDGE_WORDS as i32);
             while v.branch(Compare::Less, i, end) {
                 let index = v.s_mul(i, words);
@@ -102,7 +95,6 @@ impl Bin {
         first_list: u32,
     ) {
         let layout = &self.layout;
-        let one = v.s_imm(1);
         let none = v.s_imm(0);
         let four = v.s_imm(4);
         let sixteen = v.s_imm(16);
@@ -121,9 +113,7 @@ impl Bin {
                 let touched = v.kand(touched, own);
                 let mut bits = v.kmov_to_scalar(touched);
                 while v.branch(Compare::NotEqual, bits, none) {
-                    let lane = v.s_tzcnt(bits);
-                    let rest = v.s_sub(bits, one);
-                    bits = v.s_and(bits, rest);
+                    let lane = take_lane(v, &mut bits);
                     let child = v.s_add(group, lane);
                     let bin = v.s_shl(child, four);
                     let (touched, _) = primitive.touch(v, layout.bins, bin);

@@ -6,7 +6,7 @@ use super::Frame;
 use super::hard::LAYERS;
 use super::layout::{Layout, PIXEL};
 use super::soft::{COVERAGE, WHOLE};
-use crate::columns::{lanes_below, lower};
+use crate::columns::{lanes_below, task_range};
 
 /// Samples of a task.
 const TASK: u32 = 1024;
@@ -30,12 +30,8 @@ impl Kernel for Compose {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
         let layout = &self.layout;
-        let size = v.s_imm(TASK as i32);
+        let (mut i, end) = task_range(v, task, TASK, layout.receiver_count);
         let step = v.s_imm(16);
-        let mut i = v.s_mul(task, size);
-        let end = v.s_add(i, size);
-        let count = v.s_imm(layout.receiver_count as i32);
-        let end = lower(v, end, count);
         let none = v.vset_i32(0);
         while v.branch(Compare::Less, i, end) {
             let live = lanes_below(v, i, end);

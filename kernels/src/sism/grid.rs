@@ -2,32 +2,21 @@
 //! sees any; contiguous and cell-ordered, with the greatest depth of every cell, block, bin and group.
 //!
 //! ```text
-//! bounds ─► reduce ─► (host: size of each face's grid) ─► count ─► scan ─► scatter ─► nodes ─► groups
+//! bounds ─► reduce ─► (host: size of each face's grid) ─► count ─► scan ─► scatter ─► cells ─► bins ─► groups
 //! ```
 
 use lrbsim_isa::scan::{self, Scan};
-use lrbsim_isa::{Addr, Arena, Compare, Kernel, Ordering, Step, Vpu, math};
+use lrbsim_isa::{Addr, Arena, Ordering, Step, Vpu, math};
 
 use super::Frame;
-use super::layout::{BIN_CELLS, FACES, FaceGrid, Layout, OWN_TRIANGLE, PIXEL, POSITION, SLICES};
-use crate::columns::{Columns, lanes_below, lower};
+use super::bounds::BOUNDS;
+use super::layout::{BIN_CELLS, FACES, FaceGrid, Layout, POSITION, SLICES};
+use super::streaks::{COLUMN_GROUPS, Count, Scatter};
+use crate::columns::Columns;
 use crate::plane::Vec3;
-
-/// Receivers of a task.
-const TASK: u32 = 1024;
 
 /// Receivers that a cell should hold: one and a half vectors.
 const CELL_RECEIVERS: u32 = 24;
-
-/// Bounds of a face, a vector each: least x, -x, y, -y, z, -z on the image plane, and the count. Negated maxima, so
-/// that one minimum serves all.
-const BOUNDS: u32 = 7;
-
-/// Words of one face's bounds.
-const BOUND_WORDS: u32 = BOUNDS * 16;
-
-/// More than any coordinate: what an empty face's bounds are.
-pub(super) const FAR: f32 = 1e30;
 
 /// Rows of the face table.
 const ORIGIN_X: u64 = 0;
@@ -44,32 +33,6 @@ const ROWS: u64 = 11;
 /// A row of the face table: 8 words, by face.
 pub(super) const fn row(table: Addr, row: u64) -> Addr {
     table.plus(32 * row)
-}
-
-/// Bounds of the receivers of each task, by face.
-pub fn bounds(frame: &mut Frame, arena: &mut Arena) -> Step {
-    let layout = &mut frame.layout;
-    let tasks = layout.receiver_count.div_ceil(TASK);
-    layout.bounds = arena.alloc(u64::from(tasks * FACES * BOUND_WORDS));
-    layout.face_bounds = arena.alloc(u64::from(FACES * BOUND_WORDS));
-    Step {
-        name: "receiver bounds",
-        ordering: Ordering::Independent,
-        tasks,
-        kernel: Box::new(Bounds { layout: *layout }),
-    }
-}
-
-/// Bounds of all receivers, by face.
-pub fn reduce(frame: &mut Frame, _: &mut Arena) -> Step {
-    let layout = frame.layout;
-    let tables = layout.receiver_count.div_ceil(TASK);
-    Step {
-        name: "face bounds",
-        ordering: Ordering::Independent,
-        tasks: FACES,
-        kernel: Box::new(Reduce { layout, tables }),
-    }
 }
 
 /// Sizes the grids, then counts the receivers of each key.
@@ -89,16 +52,16 @@ pub fn count(frame: &mut Frame, arena: &mut Arena) -> Step {
     write_tables(layout, arena);
 
     let keys = u64::from(layout.cell_count() * SLICES);
-    layout.keys = arena.alloc(u64::from(layout.receiver_count) + 16);
-    // A zero line first, so that the end of the key before key 0 can be read.
-    layout.key_ends = arena.alloc(16 + scan::padded(keys)).plus(64);
-    frame.scan = Scan::new(arena, frame.layout.key_ends, keys);
-    let layout = frame.layout;
+    layout.key_starts = arena.alloc(scan::padded(keys));
+    frame.scan = Scan::new(arena, layout.key_starts, keys);
+    layout.streaks = Columns::new(arena, 2, layout.receiver_count);
+    layout.streak_totals = arena.alloc(u64::from(layout.receiver_tasks()));
+    layout.streak_lanes = arena.alloc(u64::from(layout.receiver_count.div_ceil(16)));
     Step {
         name: "histogram",
-        ordering: Ordering::Independent,
-        tasks: layout.receiver_count.div_ceil(TASK),
-        kernel: Box::new(Count { layout }),
+        ordering: Ordering::Ordered,
+        tasks: layout.receiver_tasks(),
+        kernel: Box::new(Count(*layout)),
     }
 }
 
@@ -108,16 +71,16 @@ pub fn scatter(frame: &mut Frame, arena: &mut Arena) -> Step {
     layout.samples = Columns::new(arena, 5, layout.receiver_count);
     Step {
         name: "scatter",
-        ordering: Ordering::Ordered,
-        tasks: layout.receiver_count.div_ceil(TASK),
-        kernel: Box::new(Scatter { layout: *layout }),
+        ordering: Ordering::Independent,
+        tasks: COLUMN_GROUPS * layout.receiver_tasks(),
+        kernel: Box::new(Scatter(*layout)),
     }
 }
 
 /// The grid of one face, from its bounds; `None` if it sees no receiver.
 fn face_grid(arena: &Arena, bounds: Addr, face: u32) -> Option<FaceGrid> {
-    let at = |bound: u32| bounds.plus(4 * u64::from(face * BOUND_WORDS + 16 * bound));
-    let count = arena.read_u32(at(6));
+    let at = |bound: u32| bounds.plus(4 * u64::from(16 * face + bound));
+    let count = arena.read_u32(at(BOUNDS));
     if count == 0 {
         return None;
     }
@@ -174,27 +137,50 @@ fn write_tables(layout: &mut Layout, arena: &mut Arena) {
     }
 }
 
-/// First and end of task `task` of [`TASK`] receivers.
-#[inline(always)]
-fn range<V: Vpu>(v: &mut V, layout: &Layout, task: V::S32) -> (V::S32, V::S32) {
-    let size = v.s_imm(TASK as i32);
-    let first = v.s_mul(task, size);
-    let end = v.s_add(first, size);
-    let count = v.s_imm(layout.receiver_count as i32);
-    (first, lower(v, end, count))
+/// Constants that the kernels of this phase keep in registers.
+pub(super) struct Constants<V: Vpu> {
+    pub(super) zero: V::F32,
+    pub(super) one: V::F32,
+    /// 0 to 5: the faces, and small numbers.
+    pub(super) whole: [V::I32; FACES as usize],
 }
 
+impl<V: Vpu> Constants<V> {
+    #[inline(always)]
+    pub(super) fn new(v: &mut V) -> Constants<V> {
+        Constants {
+            zero: v.vset_f32(0.0),
+            one: v.vset_f32(1.0),
+            whole: [0, 1, 2, 3, 4, 5].map(|i| v.vset_i32(i)),
+        }
+    }
+}
+
+/// Positions of the receivers of one vector; asks for those of the next.
 #[inline(always)]
-fn load_positions<V: Vpu>(v: &mut V, columns: Columns, live: V::Mask, i: V::S32) -> Vec3<V> {
-    let one = v.vset_f32(1.0);
-    let mut axis = |a| v.vload_f32_or(one, live, columns.column(POSITION + a), i);
-    [axis(0), axis(1), axis(2)]
+pub(super) fn load_positions<V: Vpu>(
+    v: &mut V,
+    constants: &Constants<V>,
+    columns: Columns,
+    live: V::Mask,
+    i: V::S32,
+) -> Vec3<V> {
+    let mut p = [constants.one; 3];
+    for (a, x) in (0..).zip(&mut p) {
+        let column = columns.column(POSITION + a);
+        v.prefetch_l1(column.plus(64), i);
+        *x = v.vload_f32_or(constants.one, live, column, i);
+    }
+    p
 }
 
 /// Face of each point, by its largest component (the first of equal ones), and its image there: x, y, depth.
 #[inline(always)]
-fn project<V: Vpu>(v: &mut V, p: Vec3<V>) -> (V::I32, V::F32, V::F32, V::F32) {
-    let zero = v.vset_f32(0.0);
+pub(super) fn project<V: Vpu>(
+    v: &mut V,
+    constants: &Constants<V>,
+    p: Vec3<V>,
+) -> (V::I32, V::F32, V::F32, V::F32) {
     let size = [v.vabs(p[0]), v.vabs(p[1]), v.vabs(p[2])];
     // Largest component: y beats x, z beats both, only if strictly larger.
     let by_y = v.vcmp_gt(size[1], size[0]);
@@ -211,180 +197,58 @@ fn project<V: Vpu>(v: &mut V, p: Vec3<V>) -> (V::I32, V::F32, V::F32, V::F32) {
     let x = math::div(v, x, depth);
     let y = math::div(v, y, depth);
     // Face number: twice the axis, plus one for the negative half.
-    let axis_x = v.vset_i32(0);
-    let axis_y = v.vset_i32(2);
-    let axis_z = v.vset_i32(4);
-    let one = v.vset_i32(1);
-    let face = v.vblend_i32(by_y, axis_y, axis_x);
-    let face = v.vblend_i32(by_z, axis_z, face);
-    let negative = v.vcmp_lt(along, zero);
-    let face = v.viadd_or(face, negative, face, one);
+    let whole = &constants.whole;
+    let face = v.vblend_i32(by_y, whole[2], whole[0]);
+    let face = v.vblend_i32(by_z, whole[4], face);
+    let negative = v.vcmp_lt(along, constants.zero);
+    let face = v.viadd_or(face, negative, face, whole[1]);
     (face, x, y, depth)
 }
 
-struct Bounds {
-    layout: Layout,
-}
-
-impl Kernel for Bounds {
-    #[inline(always)]
-    fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
-        let layout = &self.layout;
-        let (mut i, end) = range(v, layout, task);
-        let step = v.s_imm(16);
-        let words = v.s_imm((FACES * BOUND_WORDS) as i32);
-        let table = v.s_mul(task, words);
-        let all = v.mask_all();
-        let zero = v.vset_f32(0.0);
-        let one = v.vset_i32(1);
-        let far = v.vset_f32(FAR);
-        let none = v.vset_i32(0);
-        for face in 0..FACES {
-            for bound in 0..BOUNDS {
-                let to = layout.bounds.plus(4 * u64::from(face * BOUND_WORDS + 16 * bound));
-                if bound < 6 {
-                    v.vstore_f32(all, to, table, far);
-                } else {
-                    v.vstore_i32(all, to, table, none);
-                }
-            }
-        }
-        while v.branch(Compare::Less, i, end) {
-            let live = lanes_below(v, i, end);
-            let p = load_positions(v, layout.receivers, live, i);
-            let (face, x, y, depth) = project(v, p);
-            let minus = [v.vsub(zero, x), v.vsub(zero, y), v.vsub(zero, depth)];
-            let values = [x, minus[0], y, minus[1], depth, minus[2]];
-            for f in 0..FACES {
-                let number = v.vset_i32(f as i32);
-                let here = v.vicmp_eq_masked(live, face, number);
-                if !v.branch_any(here) {
-                    continue;
-                }
-                let table_of = layout.bounds.plus(4 * u64::from(f * BOUND_WORDS));
-                for (bound, value) in values.into_iter().enumerate() {
-                    let at = table_of.plus(64 * bound as u64);
-                    let least = v.vload_f32(at, table);
-                    let least = v.vmin_or(least, here, least, value);
-                    v.vstore_f32(all, at, table, least);
-                }
-                let at = table_of.plus(64 * 6);
-                let count = v.vload_i32(at, table);
-                let count = v.viadd_or(count, here, count, one);
-                v.vstore_i32(all, at, table, count);
-            }
-            i = v.s_add(i, step);
-        }
-    }
-}
-
-struct Reduce {
-    layout: Layout,
-    tables: u32,
-}
-
-impl Kernel for Reduce {
-    #[inline(always)]
-    fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
-        let words = v.s_imm(BOUND_WORDS as i32);
-        let from = v.s_mul(task, words);
-        let step = v.s_imm((FACES * BOUND_WORDS) as i32);
-        let end = v.s_imm((self.tables * FACES * BOUND_WORDS) as i32);
-        let all = v.mask_all();
-        let far = v.vset_f32(FAR);
-        let mut least = [far; 6];
-        let mut count = v.vset_i32(0);
-        let mut i = from;
-        while v.branch(Compare::Less, i, end) {
-            for (bound, value) in least.iter_mut().enumerate() {
-                let other = v.vload_f32(self.layout.bounds.plus(64 * bound as u64), i);
-                *value = v.vmin(*value, other);
-            }
-            let other = v.vload_i32(self.layout.bounds.plus(64 * 6), i);
-            count = v.viadd(count, other);
-            i = v.s_add(i, step);
-        }
-        for (bound, value) in least.into_iter().enumerate() {
-            let value = math::reduce_min(v, value);
-            v.vstore_f32(all, self.layout.face_bounds.plus(64 * bound as u64), from, value);
-        }
-        // The sum of 16 counts, by doubling.
-        let lane = v.viota();
-        for distance in [1, 2, 4, 8] {
-            let distance = v.vset_i32(distance);
-            let other = v.vxor(lane, distance);
-            let other = v.vpermute(count, other);
-            count = v.viadd(count, other);
-        }
-        v.vstore_i32(all, self.layout.face_bounds.plus(64 * 6), from, count);
-    }
-}
-
-struct Count {
-    layout: Layout,
-}
-
-impl Kernel for Count {
-    #[inline(always)]
-    fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
-        let layout = &self.layout;
-        let (mut i, end) = range(v, layout, task);
-        let step = v.s_imm(16);
-        let one = v.vset_i32(1);
-        let none = v.vset_i32(0);
-        while v.branch(Compare::Less, i, end) {
-            let live = lanes_below(v, i, end);
-            let p = load_positions(v, layout.receivers, live, i);
-            let key = key(v, layout, live, p);
-            v.vstore_i32(live, layout.keys, i, key);
-            v.vatomic_add_or(none, live, layout.key_ends, key, one);
-            i = v.s_add(i, step);
-        }
-    }
+/// Cell of each point along one axis of its face's grid; `rows` of the face table: origin, cells per unit, last cell.
+#[inline(always)]
+fn place<V: Vpu>(v: &mut V, live: V::Mask, x: V::F32, face: V::I32, rows: [Addr; 3], zero: V::F32) -> V::I32 {
+    let origin = v.vgather_f32_or(zero, live, rows[0], face);
+    let per_cell = v.vgather_f32_or(zero, live, rows[1], face);
+    let last = v.vgather_f32_or(zero, live, rows[2], face);
+    let from = v.vsub(x, origin);
+    let cell = v.vmul(from, per_cell);
+    let cell = v.vmax(cell, zero);
+    let cell = v.vmin(cell, last);
+    v.vcvt_f32_i32(cell)
 }
 
 /// `cell << 2 | slice` of each point.
 #[inline(always)]
-fn key<V: Vpu>(v: &mut V, layout: &Layout, live: V::Mask, p: Vec3<V>) -> V::I32 {
-    let (face, x, y, depth) = project(v, p);
-    let zero = v.vset_f32(0.0);
-    let none = v.vset_i32(0);
+pub(super) fn key<V: Vpu>(
+    v: &mut V,
+    constants: &Constants<V>,
+    layout: &Layout,
+    live: V::Mask,
+    p: Vec3<V>,
+) -> V::I32 {
+    let (face, x, y, depth) = project(v, constants, p);
+    let zero = constants.zero;
+    let [none, one, two, three, four, _] = constants.whole;
     let table = layout.face_table;
-    let mut place = |x: V::F32, origin: u64, per_cell: u64, last: u64| {
-        let origin = v.vgather_f32_or(zero, live, row(table, origin), face);
-        let per_cell = v.vgather_f32_or(zero, live, row(table, per_cell), face);
-        let last = v.vgather_f32_or(zero, live, row(table, last), face);
-        let from = v.vsub(x, origin);
-        let cell = v.vmul(from, per_cell);
-        let cell = v.vmax(cell, zero);
-        let cell = v.vmin(cell, last);
-        v.vcvt_f32_i32(cell)
-    };
-    let cx = place(x, ORIGIN_X, PER_CELL_X, LAST_X);
-    let cy = place(y, ORIGIN_Y, PER_CELL_Y, LAST_Y);
+    let cx = place(v, live, x, face, [ORIGIN_X, PER_CELL_X, LAST_X].map(|r| row(table, r)), zero);
+    let cy = place(v, live, y, face, [ORIGIN_Y, PER_CELL_Y, LAST_Y].map(|r| row(table, r)), zero);
     let bins_x = v.vgather_i32_or(none, live, row(table, BINS_X), face);
     let first_bin = v.vgather_i32_or(none, live, row(table, FIRST_BIN), face);
 
     // Bin, block in the bin, cell in the block: two bits of each coordinate a level.
-    let two = v.vset_i32(2);
-    let three = v.vset_i32(3);
-    let four = v.vset_i32(4);
     let bin_x = v.vsrl(cx, four);
     let bin_y = v.vsrl(cy, four);
     let rows = v.vimul(bin_y, bins_x);
     let bin = v.viadd(rows, bin_x);
     let mut number = v.viadd(bin, first_bin);
-    for level in [2, 0] {
-        let shift = v.vset_i32(level);
-        for c in [cy, cx] {
-            let digit = v.vsrl(c, shift);
-            let digit = v.vand(digit, three);
-            let up = v.vsll(number, two);
-            number = v.vor(up, digit);
-        }
+    let block = [v.vsrl(cy, two), v.vsrl(cx, two)];
+    for c in [block[0], block[1], cy, cx] {
+        let digit = v.vand(c, three);
+        let up = v.vsll(number, two);
+        number = v.vor(up, digit);
     }
     // Slice.
-    let one = v.vset_i32(1);
     let mut slice = none;
     for i in 0..u64::from(SLICES) - 1 {
         let bound = v.vgather_f32_or(zero, live, row(table, SLICE_DEPTH + i), face);
@@ -393,30 +257,4 @@ fn key<V: Vpu>(v: &mut V, layout: &Layout, live: V::Mask, p: Vec3<V>) -> V::I32 
     }
     let up = v.vsll(number, two);
     v.vor(up, slice)
-}
-
-struct Scatter {
-    layout: Layout,
-}
-
-impl Kernel for Scatter {
-    #[inline(always)]
-    fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
-        let layout = &self.layout;
-        let (mut i, end) = range(v, layout, task);
-        let step = v.s_imm(16);
-        let one = v.vset_i32(1);
-        let none = v.vset_i32(0);
-        while v.branch(Compare::Less, i, end) {
-            let live = lanes_below(v, i, end);
-            let key = v.vload_i32_or(none, live, layout.keys, i);
-            // Each key's start moves to its end.
-            let to = v.vatomic_add_or(none, live, layout.key_ends, key, one);
-            for column in [POSITION, POSITION + 1, POSITION + 2, OWN_TRIANGLE, PIXEL] {
-                let value = v.vload_i32_or(none, live, layout.receivers.column(column), i);
-                v.vscatter_i32(live, layout.samples.column(column), to, value);
-            }
-            i = v.s_add(i, step);
-        }
-    }
 }

@@ -27,8 +27,8 @@ pub const EDGE_WORDS: u32 = 16;
 /// Rounding of positions about a receiver, relative to the largest coordinate of receivers, with a factor of eight to spare.
 const POSITION_SLACK: f32 = 1e-6;
 
-/// Side of a tile of the eye's picture, in pixels.
-const TILE: u32 = 32;
+/// Receivers of a task of `grid`: neighbors in the picture, a sixteenth for each lane; see [`lane_order`].
+pub const RECEIVERS_TASK: u32 = 1024;
 
 /// Columns of the receivers.
 pub const POSITION: u32 = 0;
@@ -111,7 +111,7 @@ pub struct Layout {
     pub edge_first: Addr,
     /// `triangle << 1 | side` of the faces on edges.
     pub edge_faces: Addr,
-    /// x, y, z, own triangle and pixel of the receivers, tile by tile.
+    /// x, y, z, own triangle and pixel of the receivers, in [`lane_order`].
     pub receivers: Columns,
     /// Number of receivers.
     pub receiver_count: u32,
@@ -129,8 +129,10 @@ pub struct Layout {
     /// Records of the silhouettes, [`EDGE_WORDS`] each.
     pub edge_records: Addr,
 
-    /// Bounds of the receivers by task and face.
-    pub bounds: Addr,
+    /// Bounds of the receivers lane by lane, by task and face: where tasks of `receiver bounds` work.
+    pub lane_bounds: Addr,
+    /// Bounds of the receivers by face and task.
+    pub task_bounds: Addr,
     /// Bounds of the receivers by face.
     pub face_bounds: Addr,
     /// Parameters by face, a row of 8 words each; see `grid`.
@@ -143,10 +145,14 @@ pub struct Layout {
     pub bin_table: Columns,
     /// Bins of all faces, whole groups.
     pub bin_count: u32,
-    /// `cell << 2 | slice` of each receiver.
-    pub keys: Addr,
-    /// One past the end of each key's samples.
-    pub key_ends: Addr,
+    /// Streaks of the receivers, task by task: key, and the place in the key one past its end.
+    pub streaks: Columns,
+    /// Number of streaks of each task.
+    pub streak_totals: Addr,
+    /// By vector of receivers: lanes whose streak ended with the vector before.
+    pub streak_lanes: Addr,
+    /// First sample of each key, `cell << 2 | slice`; one more than there are keys.
+    pub key_starts: Addr,
     /// Receivers in the order of their keys.
     pub samples: Columns,
     /// The hierarchy over the samples.
@@ -214,7 +220,7 @@ impl Layout {
         let edge_faces = arena.alloc(input.edge_faces.len() as u64);
         fill(arena, edge_faces, input.edge_faces.iter().copied());
 
-        let order = tile_order(input);
+        let order = lane_order(input);
         let receivers = Columns::new(arena, RECEIVER_COLUMNS, receiver_count);
         for axis in 0..3 {
             let values = order.iter().map(|&i| input.receivers[i as usize][axis].to_bits());
@@ -255,15 +261,18 @@ impl Layout {
             silhouettes: Addr(0),
             silhouette_count: 0,
             edge_records: Addr(0),
-            bounds: Addr(0),
+            lane_bounds: Addr(0),
+            task_bounds: Addr(0),
             face_bounds: Addr(0),
             face_table: Addr(0),
             faces: [FaceGrid::default(); FACES as usize],
             face_count: 0,
             bin_table: empty,
             bin_count: 0,
-            keys: Addr(0),
-            key_ends: Addr(0),
+            streaks: empty,
+            streak_totals: Addr(0),
+            streak_lanes: Addr(0),
+            key_starts: Addr(0),
             samples: empty,
             cells: empty,
             blocks: empty,
@@ -283,6 +292,11 @@ impl Layout {
             sums: empty,
             visibility: arena.alloc(u64::from(pixels)),
         }
+    }
+
+    /// Tasks of the steps that go through the receivers.
+    pub fn receiver_tasks(&self) -> u32 {
+        self.receiver_count.div_ceil(RECEIVERS_TASK)
     }
 
     /// Cells of all bins.
@@ -319,18 +333,58 @@ fn fill(arena: &mut Arena, to: Addr, values: impl Iterator<Item = u32>) {
     }
 }
 
-/// Order in which the eye view leaves its receivers: tile by tile, and in a tile the 16 lanes of a vector in 16
-/// subtiles of 8 x 8 pixels, so that lanes seldom meet in a cell.
-fn tile_order(input: &ShadowInput) -> Vec<u32> {
-    let place = |pixel: u32| {
-        let (x, y) = (pixel % input.width, pixel / input.width);
-        let tile = u64::from(y / TILE) << 20 | u64::from(x / TILE);
-        let (x, y) = (x % TILE, y % TILE);
-        let within = (y % 8) * 8 + x % 8;
-        let lane = (y / 8) * 4 + x / 8;
-        tile << 10 | u64::from(within << 4 | lane)
+/// Order in which the eye view leaves its receivers: along a Hilbert curve through the picture, and of each
+/// [`RECEIVERS_TASK`] of them a sixteenth to each lane.
+///
+/// So a lane walks through neighbors, which share cells: it counts and moves them streak by streak. The lanes of a vector are
+/// far enough apart that they seldom meet in a cell.
+fn lane_order(input: &ShadowInput) -> Vec<u32> {
+    let side = input.width.max(input.height).next_power_of_two();
+    let mut curve: Vec<u32> = (0..input.receivers.len() as u32).collect();
+    curve.sort_by_cached_key(|&i| {
+        let pixel = input.receiver_pixel[i as usize];
+        hilbert(side, pixel % input.width, pixel / input.width)
+    });
+    let in_lanes = |chunk: &[u32]| -> Vec<u32> {
+        let (each, longer) = (chunk.len() / 16, chunk.len() % 16);
+        let first = |lane: usize| lane * each + lane.min(longer);
+        (0..chunk.len()).map(|i| chunk[first(i % 16) + i / 16]).collect()
     };
-    let mut order: Vec<u32> = (0..input.receivers.len() as u32).collect();
-    order.sort_by_key(|&i| place(input.receiver_pixel[i as usize]));
-    order
+    curve.chunks(RECEIVERS_TASK as usize).flat_map(in_lanes).collect()
+}
+
+/// Place of a pixel on the Hilbert curve through a square; `side` is a power of two.
+fn hilbert(side: u32, mut x: u32, mut y: u32) -> u64 {
+    let mut place = 0;
+    let mut half = side / 2;
+    while half > 0 {
+        let (right, upper) = (u32::from(x & half > 0), u32::from(y & half > 0));
+        place = place << 2 | u64::from((3 * right) ^ upper);
+        if upper == 0 {
+            if right == 1 {
+                (x, y) = (side - 1 - x, side - 1 - y);
+            }
+            (x, y) = (y, x);
+        }
+        half /= 2;
+    }
+    place
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_curve_visits_every_pixel_and_steps_to_a_neighbor() {
+        let side = 16;
+        let mut curve: Vec<(u32, u32)> = (0..side * side).map(|i| (i % side, i / side)).collect();
+        curve.sort_by_key(|&(x, y)| hilbert(side, x, y));
+        let places: Vec<u64> = curve.iter().map(|&(x, y)| hilbert(side, x, y)).collect();
+        assert_eq!(places, (0..u64::from(side * side)).collect::<Vec<_>>());
+        for pair in curve.windows(2) {
+            let steps = pair[0].0.abs_diff(pair[1].0) + pair[0].1.abs_diff(pair[1].1);
+            assert_eq!(steps, 1, "{pair:?}");
+        }
+    }
 }

@@ -12,7 +12,9 @@
 
 pub mod layout;
 pub mod silhouette;
+mod bounds;
 pub mod grid;
+mod streaks;
 mod nodes;
 pub mod touch;
 pub mod bin;
@@ -105,14 +107,15 @@ pub fn program(input: &ShadowInput, options: &Options, arena: &mut Arena) -> Pro
             "data structure construction",
             true,
             vec![
-                grid::bounds,
-                grid::reduce,
+                bounds::bounds,
+                bounds::reduce,
                 grid::count,
                 scan_blocks,
                 scan_totals,
                 scan_offsets,
                 grid::scatter,
-                nodes::nodes,
+                nodes::cells,
+                nodes::bins,
                 nodes::groups,
             ],
         ),

@@ -14,7 +14,7 @@ use super::Frame;
 use super::bin::append;
 use super::layout::{EDGE_WORDS, FACES, Layout, SLICES};
 use super::touch::{Edge, FaceFrame, Touch, Triangle};
-use crate::columns::{Columns, lower};
+use crate::columns::{Columns, lower, take_lane, task_range};
 use crate::plane::TRIANGLE_WORDS;
 
 /// Primitives of a piece, as a power of two.
@@ -110,16 +110,12 @@ impl Kernel for Pieces {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
         let layout = &self.layout;
-        let size = v.s_imm(LISTS as i32);
         let one = v.s_imm(1);
         let zero = v.s_imm(0);
         let full = v.s_imm(1 << PIECE_LOG2);
         let round_up = v.s_imm((1 << PIECE_LOG2) - 1);
         let log2 = v.s_imm(PIECE_LOG2);
-        let mut list = v.s_mul(task, size);
-        let end = v.s_add(list, size);
-        let count = v.s_imm(2 * layout.bin_count as i32);
-        let end = lower(v, end, count);
+        let (mut list, end) = task_range(v, task, LISTS, 2 * layout.bin_count);
         let before = Addr(layout.bin_ends.0 - 4);
         while v.branch(Compare::Less, list, end) {
             let mut first = v.s_load(before, list);
@@ -211,9 +207,7 @@ impl Raster {
             let (touched, _) = primitive.touch(v, layout.blocks, first_block);
             let mut bits = v.kmov_to_scalar(touched);
             while v.branch(Compare::NotEqual, bits, none) {
-                let lane = v.s_tzcnt(bits);
-                let rest = v.s_sub(bits, one);
-                bits = v.s_and(bits, rest);
+                let lane = take_lane(v, &mut bits);
                 let block = v.s_add(first_block, lane);
                 let cell = v.s_shl(block, four);
                 let (touched, start) = primitive.touch(v, layout.cells, cell);
@@ -244,9 +238,8 @@ pub fn cell_vectors<V: Vpu>(v: &mut V, layout: &Layout, first_cell: V::S32) -> V
     let cell = v.vsplat(first_cell);
     let cell = v.viadd(cell, lane);
     let key = v.vsll(cell, two);
-    let before = Addr(layout.key_ends.0 - 4);
-    let first = v.vgather_i32_or(none, all, before, key);
-    let end = v.vgather_i32_or(none, all, before.plus(4 * u64::from(SLICES)), key);
+    let first = v.vgather_i32_or(none, all, layout.key_starts, key);
+    let end = v.vgather_i32_or(none, all, layout.key_starts.plus(4 * u64::from(SLICES)), key);
     let samples = v.visub(end, first);
     let samples = v.viadd(samples, fifteen);
     v.vsrl(samples, four)
@@ -274,14 +267,10 @@ impl Kernel for CountRuns {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
         let layout = &self.layout;
-        let size = v.s_imm(BLOCKS as i32);
         let one = v.s_imm(1);
         let zero = v.s_imm(0);
         let four = v.s_imm(4);
-        let mut block = v.s_mul(task, size);
-        let end = v.s_add(block, size);
-        let count = v.s_imm(layout.block_count() as i32);
-        let end = lower(v, end, count);
+        let (mut block, end) = task_range(v, task, BLOCKS, layout.block_count());
         let mut totals = [zero; 2];
         while v.branch(Compare::Less, block, end) {
             let first_cell = v.s_shl(block, four);
@@ -338,13 +327,9 @@ impl Kernel for FillRuns {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
         let layout = &self.layout;
-        let size = v.s_imm(BLOCKS as i32);
         let one = v.s_imm(1);
         let zero = v.s_imm(0);
-        let first = v.s_mul(task, size);
-        let end = v.s_add(first, size);
-        let count = v.s_imm(layout.block_count() as i32);
-        let end = lower(v, end, count);
+        let (first, end) = task_range(v, task, BLOCKS, layout.block_count());
         for kind in 0..2u32 {
             let runs = if kind == 0 { layout.hard_runs } else { layout.soft_runs };
             let pieces = layout.block_pieces.column(kind);

@@ -68,15 +68,14 @@ pub fn walk<V: Vpu>(
 
     let lists = layout.cell_ends.plus(4 * u64::from(kind * layout.cell_count()));
     let before_list = Addr(lists.0 - 4);
-    let before_key = Addr(layout.key_ends.0 - 4);
-    let last_slice = before_key.plus(4 * u64::from(SLICES));
+    let next_cell = layout.key_starts.plus(4 * u64::from(SLICES));
     let mut seen = zero;
     for number in 0..16 {
         let number = v.s_imm(number);
         let cell = v.s_add(first_cell, number);
         let key = v.s_shl(cell, two);
-        let sample_first = v.s_load(before_key, key);
-        let sample_end = v.s_load(last_slice, key);
+        let sample_first = v.s_load(layout.key_starts, key);
+        let sample_end = v.s_load(next_cell, key);
         let samples = v.s_sub(sample_end, sample_first);
         let samples = v.s_add(samples, fifteen);
         let in_cell = v.s_shr(samples, four);

@@ -9,8 +9,8 @@ use super::Frame;
 use super::layout::{EDGE_WORDS, Layout};
 use super::soft::rounding_offset;
 use super::touch::{faces_of_edges, faces_of_triangles};
-use crate::columns::lanes_below;
-use crate::plane::{AWAY, FACES_SHIFT, RELATIVE_EPSILON, TRIANGLE_WORDS, Vec3, cross, dot, edge_normal, sub};
+use crate::columns::{lanes_below, task_range};
+use crate::plane::{AWAY, FACES_SHIFT, TRIANGLE_WORDS, Vec3, cross, dot, edge_normal, plane_slack, sub};
 
 /// Triangles or edges of a task.
 const TASK: u32 = 256;
@@ -64,16 +64,6 @@ pub fn records(frame: &mut Frame, _: &mut Arena) -> Step {
     }
 }
 
-/// First and end of task `task` of [`TASK`] out of `count` items.
-#[inline(always)]
-fn range<V: Vpu>(v: &mut V, task: V::S32, count: u32) -> (V::S32, V::S32) {
-    let size = v.s_imm(TASK as i32);
-    let first = v.s_mul(task, size);
-    let end = v.s_add(first, size);
-    let count = v.s_imm(count as i32);
-    (first, crate::columns::lower(v, end, count))
-}
-
 /// Positions of 16 vertices.
 #[inline(always)]
 fn positions<V: Vpu>(v: &mut V, layout: &Layout, live: V::Mask, vertex: V::I32) -> Vec3<V> {
@@ -90,13 +80,12 @@ impl Kernel for Triangles {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
         let layout = &self.layout;
-        let (mut i, end) = range(v, task, layout.triangle_count);
+        let (mut i, end) = task_range(v, task, TASK, layout.triangle_count);
         let step = v.s_imm(16);
         let lane = v.viota();
         let words = v.vset_i32(TRIANGLE_WORDS as i32);
         let zero = v.vset_f32(0.0);
         let sign_bit = v.vset_i32(i32::MIN);
-        let farther = v.vset_f32(1.0 + RELATIVE_EPSILON);
         while v.branch(Compare::Less, i, end) {
             let live = lanes_below(v, i, end);
             let mut corner = |column| v.vload_i32(layout.triangles.column(column), i);
@@ -115,7 +104,8 @@ impl Kernel for Triangles {
             let mut outward = |x: V::F32| v.vsub_or(x, toward, zero, x);
             let outward = [outward(normal[0]), outward(normal[1]), outward(normal[2])];
             let distance = v.vabs(det);
-            let plane = v.vmul(distance, farther);
+            let slack = plane_slack(v, [a, b, c], normal);
+            let plane = v.vadd(distance, slack);
 
             // Layers by the facing; none for a triangle that is edge-on to the light.
             let layers = layers(v, corners[3], away, toward);
@@ -220,7 +210,7 @@ impl Kernel for Weights {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
         let layout = &self.layout;
-        let (mut i, end) = range(v, task, layout.edge_count);
+        let (mut i, end) = task_range(v, task, TASK, layout.edge_count);
         let step = v.s_imm(16);
         let zero = v.vset_i32(0);
         let low_half = v.vset_i32(0xffff);
@@ -252,7 +242,7 @@ impl Kernel for Select {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
         let layout = &self.layout;
-        let (first, end) = range(v, task, layout.edge_count);
+        let (first, end) = task_range(v, task, TASK, layout.edge_count);
         let step = v.s_imm(16);
         let zero = v.vset_i32(0);
         let lane = v.viota();
@@ -294,7 +284,7 @@ impl Kernel for Records {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
         let layout = &self.layout;
-        let (mut i, end) = range(v, task, layout.silhouette_count);
+        let (mut i, end) = task_range(v, task, TASK, layout.silhouette_count);
         let step = v.s_imm(16);
         let lane = v.viota();
         let none = v.vset_i32(0);

@@ -80,6 +80,23 @@ impl<V: Vpu> Form<V> {
         Form { a: n[0], b: n[1], c, size_a: size[0], size_b: size[1] }
     }
 
+    /// The plane through the light and edge `e` of the triangle at `records`, its inside positive.
+    #[inline(always)]
+    fn inward(
+        v: &mut V,
+        frame: FaceFrame,
+        records: Addr,
+        index: V::S32,
+        e: u64,
+        sign_bit: V::I32,
+    ) -> Form<V> {
+        let n = frame.load(v, records.plus(12 * e), index);
+        let flag = v.vbroadcast_i32(records.plus(52 + 4 * e), index);
+        let flip = v.vand(flag, sign_bit);
+        let n = [flipped(v, n[0], flip), flipped(v, n[1], flip), flipped(v, n[2], flip)];
+        Form::new(v, n)
+    }
+
     /// Greatest value over 16 rectangles.
     #[inline(always)]
     fn max(&self, v: &mut V, r: &Rectangles<V>) -> V::F32 {
@@ -88,6 +105,14 @@ impl<V: Vpu> Form<V> {
         let at = v.vmadd(self.size_a, r.half_x, at);
         v.vmadd(self.size_b, r.half_y, at)
     }
+}
+
+/// `x` with the sign bits of `flip` turned.
+#[inline(always)]
+fn flipped<V: Vpu>(v: &mut V, x: V::F32, flip: V::I32) -> V::F32 {
+    let bits = v.bits_of(x);
+    let bits = v.vxor(bits, flip);
+    v.from_bits(bits)
 }
 
 /// 16 rectangles.
@@ -131,19 +156,11 @@ impl<V: Vpu> Touch<V> for Triangle<V> {
     #[inline(always)]
     fn set_up(v: &mut V, _: &LightConstants, frame: FaceFrame, records: Addr, index: V::S32) -> Self {
         let sign_bit = v.vset_i32(i32::MIN);
-        let mut edge = |e: u64| {
-            let n = frame.load(v, records.plus(12 * e), index);
-            let flag = v.vbroadcast_i32(records.plus(52 + 4 * e), index);
-            let flip = v.vand(flag, sign_bit);
-            let mut inward = |x: V::F32| {
-                let bits = v.bits_of(x);
-                let bits = v.vxor(bits, flip);
-                v.from_bits(bits)
-            };
-            let n = [inward(n[0]), inward(n[1]), inward(n[2])];
-            Form::new(v, n)
-        };
-        let edges = [edge(0), edge(1), edge(2)];
+        let edges = [
+            Form::inward(v, frame, records, index, 0, sign_bit),
+            Form::inward(v, frame, records, index, 1, sign_bit),
+            Form::inward(v, frame, records, index, 2, sign_bit),
+        ];
         let normal = frame.load(v, records.plus(36), index);
         let plane = Form::new(v, normal);
         let distance = v.vbroadcast_f32(records.plus(48), index);
@@ -338,17 +355,12 @@ pub fn faces_of_edges<V: Vpu>(v: &mut V, light: &LightConstants, a: [V::F32; 3],
     // Of the sums below, which are sqrt 2 times a distance; wider by their rounding.
     let reach = v.vset_f32(-light.bound_radius * (core::f32::consts::SQRT_2 * (1.0 + WIDTH_SLACK)));
     let slack = v.vset_f32(-DOT_SLACK);
-    let largest = |v: &mut V, p: [V::F32; 3]| {
-        let size = [v.vabs(p[0]), v.vabs(p[1]), v.vabs(p[2])];
-        let yz = v.vmax(size[1], size[2]);
-        v.vmax(size[0], yz)
-    };
     let (of_a, of_b) = (largest(v, a), largest(v, b));
     let size = v.vmax(of_a, of_b);
     let reach = v.vmadd(size, slack, reach);
     let zero = v.vset_f32(0.0);
-    let minus = |v: &mut V, p: [V::F32; 3]| [v.vsub(zero, p[0]), v.vsub(zero, p[1]), v.vsub(zero, p[2])];
-    let (minus_a, minus_b) = (minus(v, a), minus(v, b));
+    let minus_a = [v.vsub(zero, a[0]), v.vsub(zero, a[1]), v.vsub(zero, a[2])];
+    let minus_b = [v.vsub(zero, b[0]), v.vsub(zero, b[1]), v.vsub(zero, b[2])];
     let mut touched = [v.mask_none(); FACES as usize];
     for axis in 0..3 {
         for (face, ends) in [(2 * axis, [&a, &b]), (2 * axis + 1, [&minus_a, &minus_b])] {
@@ -367,6 +379,14 @@ pub fn faces_of_edges<V: Vpu>(v: &mut V, light: &LightConstants, a: [V::F32; 3],
         }
     }
     face_bits(v, touched)
+}
+
+/// The largest component.
+#[inline(always)]
+fn largest<V: Vpu>(v: &mut V, p: [V::F32; 3]) -> V::F32 {
+    let size = [v.vabs(p[0]), v.vabs(p[1]), v.vabs(p[2])];
+    let yz = v.vmax(size[1], size[2]);
+    v.vmax(size[0], yz)
 }
 
 /// Masks by face as bits by lane.

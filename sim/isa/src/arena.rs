@@ -4,7 +4,9 @@
 //! allocate. The range is reserved once and committed by the operating system page by page as it is touched, so memory
 //! follows what the scene touches and no array ever moves.
 
-use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
+use core::fmt;
+use core::marker::PhantomData;
+use std::sync::atomic::{AtomicI32, AtomicU32, AtomicU64, Ordering};
 
 /// Bytes in a line.
 pub const LINE_BYTES: u64 = 64;
@@ -27,8 +29,46 @@ pub const STACK_BASE_LINE: u32 = 0xf000_0000;
 /// Lines of one hardware thread's stack.
 pub const STACK_LINES: u32 = 64;
 
-/// Bytes reserved (not committed) for an arena.
+/// Bytes reserved (not committed) for an arena where the host gives them.
 const RESERVED_BYTES: usize = 64 << 30;
+
+/// Less than this is no use.
+const RESERVED_BYTES_MIN: usize = 64 << 20;
+
+/// Why an arena cannot hold what it is asked to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ArenaError {
+    /// The host refuses even the least address space.
+    Refused,
+    /// An allocation did not fit.
+    Full {
+        /// Bytes in use once it had fit.
+        wanted_bytes: u64,
+        /// Bytes that the host gave.
+        reserved_bytes: u64,
+    },
+}
+
+impl fmt::Display for ArenaError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            ArenaError::Refused => {
+                let mib = RESERVED_BYTES_MIN >> 20;
+                write!(f, "the host refuses {mib} MiB of address space for the simulated memory")
+            }
+            ArenaError::Full { wanted_bytes, reserved_bytes } => {
+                let (wanted, reserved) = (wanted_bytes.div_ceil(1 << 20), reserved_bytes >> 20);
+                write!(
+                    f,
+                    "the arrays of this frame need {wanted} MiB or more of simulated memory; \
+                     the host gives address space for {reserved} MiB"
+                )
+            }
+        }
+    }
+}
+
+impl std::error::Error for ArenaError {}
 
 /// A byte offset in the arena.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
@@ -61,6 +101,8 @@ pub struct Arena {
     base: *mut u8,
     reserved_bytes: u64,
     used_bytes: u64,
+    /// The first allocation that did not fit.
+    full: Option<ArenaError>,
     /// Host threads that run tasks now.
     tasks_running: AtomicU32,
     host_reads_in_task: AtomicU64,
@@ -78,6 +120,11 @@ unsafe impl Sync for Arena {}
 #[expect(unsafe_code, reason = "simulated memory may move between host threads")]
 unsafe impl Send for Arena {}
 
+/// Address space, all zero and committed as touched; `None` where the host refuses.
+pub(crate) fn map_bytes(bytes: usize) -> Option<memmap2::MmapMut> {
+    memmap2::MmapOptions::new().len(bytes).no_reserve_swap().map_anon().ok()
+}
+
 impl Default for Arena {
     fn default() -> Self {
         Arena::new()
@@ -88,46 +135,66 @@ impl Arena {
     /// An empty arena, all bytes zero. Reserves address space, commits nothing.
     ///
     /// # Panics
-    /// When the host refuses even 256 MiB of address space.
+    /// Where [`Arena::reserve`] fails.
     pub fn new() -> Arena {
+        match Arena::reserve() {
+            Ok(arena) => arena,
+            Err(error) => panic!("{error}"),
+        }
+    }
+
+    /// An empty arena, all bytes zero. Reserves address space, commits nothing.
+    ///
+    /// A host with a limit gives less, down to 64 MiB; a fifth of what it has is left to the rest of the program.
+    ///
+    /// # Errors
+    /// [`ArenaError::Refused`].
+    pub fn reserve() -> Result<Arena, ArenaError> {
         let mut bytes = RESERVED_BYTES;
         let mut map = loop {
-            match memmap2::MmapOptions::new().len(bytes).no_reserve_swap().map_anon() {
-                Ok(map) => break map,
-                // A host with an address-space limit: take what it gives.
-                Err(_) if bytes > 256 << 20 => bytes /= 2,
-                Err(error) => {
-                    panic!("the host refuses {bytes} bytes of address space for the arena: {error}")
-                }
+            let map = map_bytes(bytes);
+            let rest = map_bytes(bytes / 4);
+            match (map, rest) {
+                (Some(map), Some(_)) => break map,
+                _ if bytes > RESERVED_BYTES_MIN => bytes /= 2,
+                _ => return Err(ArenaError::Refused),
             }
         };
         let base = map.as_mut_ptr();
-        Arena {
+        Ok(Arena {
             _map: map,
             base,
             reserved_bytes: bytes as u64,
             used_bytes: FIRST_FREE_BYTE,
+            full: None,
             tasks_running: AtomicU32::new(0),
             host_reads_in_task: AtomicU64::new(0),
-        }
+        })
+    }
+
+    /// Whether all that was allocated fits. To be asked before a task runs: an array that does not fit has no bytes, the
+    /// host writes none and reads 0, and no task may touch it.
+    ///
+    /// # Errors
+    /// [`ArenaError::Full`], for the first allocation that did not fit.
+    pub fn check(&self) -> Result<(), ArenaError> {
+        self.full.map_or(Ok(()), Err)
     }
 
     /// Allocates `bytes` bytes on a line boundary, at least one line. They are zero unless they were released before, see
-    /// [`Arena::release_to`].
-    ///
-    /// # Panics
-    /// When the reserved address space is used up.
+    /// [`Arena::release_to`]. Whether they fit is said by [`Arena::check`].
     pub fn alloc_bytes(&mut self, bytes: u64) -> Addr {
         let start = self.used_bytes;
-        assert!(
-            bytes <= self.reserved_bytes - start,
-            "the arena is full: {start} bytes are used and {bytes} asked for, {} reserved",
-            self.reserved_bytes
-        );
-        // The reserve is whole lines, so rounding up cannot pass its end unless it is full to the last line.
-        let end = start + bytes.next_multiple_of(LINE_BYTES).max(LINE_BYTES);
-        assert!(end <= self.reserved_bytes, "the arena is full: {} bytes reserved", self.reserved_bytes);
-        self.used_bytes = end;
+        let end =
+            bytes.max(1).checked_next_multiple_of(LINE_BYTES).and_then(|bytes| start.checked_add(bytes));
+        match end.filter(|end| self.full.is_none() && *end <= self.reserved_bytes) {
+            Some(end) => self.used_bytes = end,
+            None => {
+                let wanted_bytes = start.saturating_add(bytes);
+                self.full
+                    .get_or_insert(ArenaError::Full { wanted_bytes, reserved_bytes: self.reserved_bytes });
+            }
+        }
         Addr(start)
     }
 
@@ -158,6 +225,12 @@ impl Arena {
         self.used_bytes
     }
 
+    /// Its bytes.
+    #[inline(always)]
+    pub(crate) fn memory(&self) -> Memory<'_> {
+        Memory { base: self.base, used_bytes: self.used_bytes, arena: PhantomData }
+    }
+
     /// Gives back everything allocated after `mark`, a value of [`Arena::used_bytes`]. The bytes keep their values.
     ///
     /// # Panics
@@ -173,8 +246,11 @@ impl Arena {
 
     /// Reads one word from the host, between steps.
     pub fn read_u32(&self, addr: Addr) -> u32 {
+        if self.full.is_some() {
+            return 0;
+        }
         self.note_host_read();
-        u32::from_le_bytes(self.get(addr))
+        u32::from_le_bytes(self.memory().get(addr))
     }
 
     /// Reads one float from the host, between steps.
@@ -194,7 +270,10 @@ impl Arena {
 
     /// Writes one word from the host, between steps.
     pub fn write_u32(&mut self, addr: Addr, value: u32) {
-        self.put(addr, value.to_le_bytes());
+        if self.full.is_some() {
+            return;
+        }
+        self.memory().put(addr, value.to_le_bytes());
     }
 
     /// Writes words from the host, between steps.
@@ -224,29 +303,42 @@ impl Arena {
             self.host_reads_in_task.fetch_add(1, Ordering::Relaxed);
         }
     }
+}
 
+/// The bytes of an arena as a task sees them: by value, since they neither move nor change in number while it runs, so
+/// that base and bound can stay in host registers.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Memory<'a> {
+    base: *mut u8,
+    used_bytes: u64,
+    arena: PhantomData<&'a Arena>,
+}
+
+impl<'a> Memory<'a> {
     /// Host pointer to `bytes` bytes at `addr`.
     ///
     /// # Panics
     /// When they do not lie inside what was allocated: a kernel computed a wrong address.
     #[inline(always)]
     pub(crate) fn pointer(&self, addr: u64, bytes: u64) -> *mut u8 {
-        if addr.wrapping_add(bytes) > self.used_bytes || addr > self.used_bytes {
-            self.out_of_range(addr, bytes);
+        // One comparison: the lines of the runtime alone are more than any access.
+        debug_assert!(bytes <= FIRST_FREE_BYTE);
+        if addr > self.used_bytes - bytes {
+            out_of_range(addr, bytes, self.used_bytes);
         }
         self.base.wrapping_add(addr as usize)
     }
 
-    /// Host pointer to byte 0, for accesses whose active lanes were checked against [`Arena::used_bytes`].
+    /// Host pointer to byte 0, for accesses whose active lanes were checked against [`Memory::used_bytes`].
     #[inline(always)]
     pub(crate) fn base(&self) -> *mut u8 {
         self.base
     }
 
-    #[cold]
-    #[inline(never)]
-    pub(crate) fn out_of_range(&self, addr: u64, bytes: u64) -> ! {
-        panic!("access to {bytes} bytes at {addr:#x}, past the {:#x} bytes of the arena", self.used_bytes)
+    /// Bytes that tasks may touch.
+    #[inline(always)]
+    pub(crate) fn used_bytes(&self) -> u64 {
+        self.used_bytes
     }
 
     #[inline(always)]
@@ -268,12 +360,20 @@ impl Arena {
     /// The word at `addr` as a host atomic, for adds from several host threads.
     #[inline(always)]
     #[expect(unsafe_code, reason = "adds of independent tasks meet in the same word")]
-    pub(crate) fn atomic(&self, addr: Addr) -> &std::sync::atomic::AtomicI32 {
+    pub(crate) fn atomic(&self, addr: Addr) -> &'a AtomicI32 {
         assert!(addr.0.is_multiple_of(4), "atomic at {:#x}, which is not a multiple of 4", addr.0);
         let word = self.pointer(addr.0, 4).cast::<i32>();
-        // SAFETY: in range (checked), aligned (checked; the map is page-aligned), alive as long as `self`.
-        unsafe { std::sync::atomic::AtomicI32::from_ptr(word) }
+        // SAFETY: in range (checked), aligned (checked; the map is page-aligned), alive as long as the arena.
+        unsafe { AtomicI32::from_ptr(word) }
     }
+}
+
+/// Stops a task whose kernel computed a wrong address. Takes all by value: what a call sees in place would live in host
+/// memory.
+#[cold]
+#[inline(never)]
+pub(crate) fn out_of_range(addr: u64, bytes: u64, used_bytes: u64) -> ! {
+    panic!("access to {bytes} bytes at {addr:#x}, past the {used_bytes:#x} bytes of the arena")
 }
 
 /// A task that runs; see [`Arena::task_begins`].
@@ -315,5 +415,21 @@ mod tests {
     fn an_access_past_the_end_is_caught() {
         let arena = Arena::new();
         arena.read_u32(Addr(1 << 20));
+    }
+
+    #[test]
+    fn an_array_that_does_not_fit_is_told_and_has_no_bytes() {
+        let mut arena = Arena::new();
+        let before = arena.alloc_u32(&[5]);
+        assert_eq!(arena.check(), Ok(()));
+        for bytes in [u64::MAX, 1 << 40] {
+            let none = arena.alloc_bytes(bytes);
+            arena.write_u32(none, 7);
+            assert_eq!((arena.read_u32(none), arena.read_u32(before)), (0, 0));
+        }
+        let Err(ArenaError::Full { wanted_bytes, reserved_bytes }) = arena.check() else {
+            panic!("it does not fit")
+        };
+        assert_eq!((wanted_bytes, reserved_bytes), (u64::MAX, arena.reserved_bytes));
     }
 }

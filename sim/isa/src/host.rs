@@ -109,3 +109,17 @@ pub fn run_functional(step: &Step, arena: &Arena, simd: HostSimd, threads: usize
     });
     counts
 }
+
+/// Asks the host for the cache line of `place`, ahead of its use. Changes no result.
+#[inline(always)]
+pub fn prefetch<T>(place: &T) {
+    #[cfg(target_arch = "x86_64")]
+    #[expect(unsafe_code, reason = "a prefetch reads nothing and cannot fault")]
+    // SAFETY: every x86-64 host has the instruction.
+    unsafe {
+        use core::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        _mm_prefetch::<_MM_HINT_T0>(core::ptr::from_ref(place).cast());
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = place;
+}

@@ -7,9 +7,10 @@ use core::ops::Range;
 
 use crate::arena::Arena;
 use crate::backend::Backend;
-use crate::emit::{Buffers, Count, OpCounts, Record};
+use crate::emit::{Count, OpCounts};
 use crate::host::HostSimd;
 use crate::lanes::{Lanes, Portable};
+use crate::record::{Buffers, Record, Recorded};
 use crate::stream::Stream;
 use crate::vpu::Vpu;
 
@@ -63,13 +64,11 @@ fn record_task<K: Kernel, L: Lanes>(
     task: u32,
     shared: bool,
     buffers: &mut Buffers,
-    stream: &mut Stream,
-) {
+) -> Recorded {
     let mut v = Backend::<L, Record<'_>>::new(arena, Record::new(buffers), shared);
     let task = v.s_imm(task as i32);
     kernel.run(&mut v, task);
-    let recorded = v.into_emit().recorded();
-    buffers.finish::<L>(recorded, stream);
+    v.emitted().recorded()
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -113,9 +112,15 @@ mod shells {
         task: u32,
         shared: bool,
         buffers: &mut Buffers,
-        out: &mut Stream,
-    ) {
-        record_task::<K, Avx512>(k, arena, task, shared, buffers, out);
+    ) -> Recorded {
+        record_task::<K, Avx512>(k, arena, task, shared, buffers)
+    }
+
+    /// # Safety
+    /// The host must have [`HostSimd::Avx512`].
+    #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512dq,avx512cd,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+    pub unsafe fn finish_avx512(buffers: &mut Buffers, recorded: Recorded, out: &mut Stream) {
+        buffers.finish::<Avx512>(recorded, out);
     }
 
     /// # Safety
@@ -127,9 +132,15 @@ mod shells {
         task: u32,
         shared: bool,
         buffers: &mut Buffers,
-        out: &mut Stream,
-    ) {
-        record_task::<K, Avx2>(k, arena, task, shared, buffers, out);
+    ) -> Recorded {
+        record_task::<K, Avx2>(k, arena, task, shared, buffers)
+    }
+
+    /// # Safety
+    /// The host must have [`HostSimd::Avx2`].
+    #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+    pub unsafe fn finish_avx2(buffers: &mut Buffers, recorded: Recorded, out: &mut Stream) {
+        buffers.finish::<Avx2>(recorded, out);
     }
 }
 
@@ -152,15 +163,36 @@ impl<K: Kernel> AnyKernel for K {
     #[expect(unsafe_code, reason = "calls into functions with target features")]
     fn record_shared(&self, simd: HostSimd, arena: &Arena, task: u32, shared: bool, stream: &mut Stream) {
         assert!(simd.is_available(), "this host has no {simd}");
-        let _running = arena.task_begins();
-        Buffers::with(|buffers| match simd {
-            // SAFETY: the host has it, asserted above.
-            #[cfg(target_arch = "x86_64")]
-            HostSimd::Avx512 => unsafe { shells::record_avx512(self, arena, task, shared, buffers, stream) },
-            // SAFETY: as above.
-            #[cfg(target_arch = "x86_64")]
-            HostSimd::Avx2 => unsafe { shells::record_avx2(self, arena, task, shared, buffers, stream) },
-            _ => record_task::<K, Portable>(self, arena, task, shared, buffers, stream),
+        let running = arena.task_begins();
+        let recorded = Buffers::with(|buffers| {
+            if !buffers.prepare() {
+                return false;
+            }
+            match simd {
+                // SAFETY: the host has it, asserted above.
+                #[cfg(target_arch = "x86_64")]
+                HostSimd::Avx512 => unsafe {
+                    let recorded = shells::record_avx512(self, arena, task, shared, buffers);
+                    shells::finish_avx512(buffers, recorded, stream);
+                },
+                // SAFETY: as above.
+                #[cfg(target_arch = "x86_64")]
+                HostSimd::Avx2 => unsafe {
+                    let recorded = shells::record_avx2(self, arena, task, shared, buffers);
+                    shells::finish_avx2(buffers, recorded, stream);
+                },
+                _ => {
+                    let recorded = record_task::<K, Portable>(self, arena, task, shared, buffers);
+                    buffers.finish::<Portable>(recorded, stream);
+                }
+            }
+            true
         });
+        drop(running);
+        if !recorded {
+            // No stream; but later tasks rely on what this one does to the arena.
+            stream.cut_short = true;
+            AnyKernel::run(self, simd, arena, task..task + 1, shared, &mut OpCounts::default());
+        }
     }
 }

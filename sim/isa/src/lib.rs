@@ -22,6 +22,7 @@ pub mod kernel;
 pub mod lanes;
 pub mod math;
 pub mod program;
+mod record;
 pub mod scan;
 mod spill;
 pub mod stream;
@@ -30,7 +31,7 @@ mod tests;
 pub mod uop;
 pub mod vpu;
 
-pub use arena::{Addr, Arena, Line};
+pub use arena::{Addr, Arena, ArenaError, Line};
 pub use emit::OpCounts;
 pub use host::HostSimd;
 pub use kernel::{AnyKernel, Kernel};

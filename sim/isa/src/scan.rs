@@ -92,14 +92,10 @@ impl Kernel for ScanBlock {
         while v.branch(Compare::Less, i, end) {
             let words = v.vload_i32(self.words, i);
             // Inclusive sums by doubling: lane i adds lane i - 1, - 2, - 4, - 8.
-            let mut sums = words;
-            for shift in [1, 2, 4, 8] {
-                let distance = v.vset_i32(shift);
-                let from = v.visub(lane, distance);
-                let has = v.vicmp_ge(from, zero);
-                let moved = v.vpermute(sums, from);
-                sums = v.viadd_or(sums, has, sums, moved);
-            }
+            let sums = add_from(v, words, lane, 1, zero);
+            let sums = add_from(v, sums, lane, 2, zero);
+            let sums = add_from(v, sums, lane, 4, zero);
+            let sums = add_from(v, sums, lane, 8, zero);
             let inclusive = v.viadd(sums, carry);
             let exclusive = v.visub(inclusive, words);
             v.vstore_i32(all, self.words, i, exclusive);
@@ -109,6 +105,16 @@ impl Kernel for ScanBlock {
         let total = v.vextract(carry, 0);
         v.s_store(self.totals, task, total);
     }
+}
+
+/// Adds to each lane of `sums` the one `distance` lanes before it, if there is one.
+#[inline(always)]
+fn add_from<V: Vpu>(v: &mut V, sums: V::I32, lane: V::I32, distance: i32, zero: V::I32) -> V::I32 {
+    let distance = v.vset_i32(distance);
+    let from = v.visub(lane, distance);
+    let has = v.vicmp_ge(from, zero);
+    let moved = v.vpermute(sums, from);
+    v.viadd_or(sums, has, sums, moved)
 }
 
 /// Adds `totals[task]` to block `task`.

@@ -18,33 +18,37 @@ pub(crate) struct Pressure {
     pub spills: u32,
 }
 
-/// Counts the vector values live at once.
+/// Counts the vector values live at once, and leaves 0 in both arrays from `first` on.
 ///
 /// `last_reader[id]` is the id of the last uop that reads the vector made by uop `id`, 0 when none does; ids begin at
 /// `first`. `ends` is scratch of the same length, all 0. A value is live from the uop that makes it to its last reader,
 /// whose result may take over its register. Every recorded task passes here: two host instructions a uop for the
 /// scatter, and a prefix sum that the host does 16 uops at a time.
 #[inline(always)]
-pub(crate) fn pressure<L: Lanes>(last_reader: &[u32], ends: &mut [u8], first: usize) -> Pressure {
+pub(crate) fn pressure<L: Lanes>(last_reader: &mut [u32], ends: &mut [u8], first: usize) -> Pressure {
     let next = last_reader.len();
     assert!(ends.len() == next && first <= next);
     count_ends(&last_reader[first..], ends);
 
-    let (made, made_rest) = last_reader[first..].as_chunks::<LANES>();
-    let (ended, ended_rest) = ends[first..].as_chunks::<LANES>();
-    let (mut live, mut live_max) = (0i32, 0i32);
-    for (made, ended) in made.iter().zip(ended) {
+    let (made, made_rest) = last_reader[first..].as_chunks_mut::<LANES>();
+    let (ended, ended_rest) = ends[first..].as_chunks_mut::<LANES>();
+    let (mut live, mut live_max, mut spills) = (0i32, 0i32, 0);
+    for (made, ended) in made.iter_mut().zip(ended) {
         let (highest, last) = L::rise(made, ended);
         live_max = live_max.max(live + highest);
+        if live + highest > VECTOR_REGISTERS as i32 {
+            spills += count_spills(live, made, ended);
+        }
         live += last;
+        (*made, *ended) = ([0; LANES], [0; LANES]);
     }
-    for (last, ended) in made_rest.iter().zip(ended_rest) {
-        live += i32::from(*last != 0) - i32::from(*ended);
+    spills += count_spills(live, made_rest, ended_rest);
+    for (made, ended) in made_rest.iter_mut().zip(ended_rest) {
+        live += i32::from(*made != 0) - i32::from(*ended);
         live_max = live_max.max(live);
+        (*made, *ended) = (0, 0);
     }
-    let live_max = live_max as u32;
-    let spills = if live_max > VECTOR_REGISTERS { count_spills(last_reader, ends, first) } else { 0 };
-    Pressure { live_max, spills }
+    Pressure { live_max: live_max as u32, spills }
 }
 
 /// Adds one to `ends` for each of `readers`. A value without a reader ends at 0, where nobody looks.
@@ -70,15 +74,16 @@ fn count_ends(readers: &[u32], ends: &mut [u8]) {
     }
 }
 
-/// The values made while all registers are taken, once `ends` is complete.
+/// The values made while all registers are taken, `live` of them before these.
 #[cold]
-fn count_spills(last_reader: &[u32], ends: &[u8], first: usize) -> u32 {
-    let (mut live, mut spills) = (0u32, 0u32);
-    for id in first..last_reader.len() {
-        live -= u32::from(ends[id]);
-        if last_reader[id] != 0 {
+#[inline(never)]
+fn count_spills(mut live: i32, made: &[u32], ended: &[u8]) -> u32 {
+    let mut spills = 0;
+    for (made, ended) in made.iter().zip(ended) {
+        live -= i32::from(*ended);
+        if *made != 0 {
             live += 1;
-            spills += u32::from(live > VECTOR_REGISTERS);
+            spills += u32::from(live > VECTOR_REGISTERS as i32);
         }
     }
     spills

@@ -2,6 +2,9 @@
 
 use crate::uop::Class;
 
+/// Uops of one task at most: a thousand times what a task is meant to have.
+pub const TASK_UOPS_MAX: usize = 1 << 26;
+
 /// What one task leaves behind for a machine to time.
 ///
 /// `uops` in program order, `lines` the line numbers (arena offset / 64) of the memory uops in the same order, one entry
@@ -18,6 +21,9 @@ pub struct Stream {
     pub lanes_masked: u64,
     /// Most vector registers live at once, before spills were charged.
     pub live_vectors_max: u32,
+    /// The task had more than [`TASK_UOPS_MAX`] uops, or more than the host has memory for: this holds none of them, and
+    /// times from it are void.
+    pub cut_short: bool,
 }
 
 impl Stream {
@@ -28,6 +34,7 @@ impl Stream {
         self.lanes_active = 0;
         self.lanes_masked = 0;
         self.live_vectors_max = 0;
+        self.cut_short = false;
     }
 
     /// How many uops of each class the stream holds.

@@ -153,7 +153,7 @@ impl CycleStack {
 counters! {
     /// One level of cache, all cores together.
     CacheCounters {
-        /// Line accesses by uops (L1) or by L1 misses and L2 prefetches (L2).
+        /// Line accesses by uops (L1) or by L1 misses and L2 prefetches (L2): hits, misses and merged together.
         accesses,
         /// Accesses that found the line, ready and with the right they need.
         hits,

@@ -58,6 +58,11 @@ pub fn stool(b: &mut Builder) {
     b.lathe(14, &[(0.165, 0.7), (0.175, 0.72), (0.16, 0.755)]);
 }
 
+/// Low round stool, 0.52 high.
+pub fn piano_stool(b: &mut Builder) {
+    b.lathe(12, &[(0.16, 0.0), (0.05, 0.05), (0.04, 0.42), (0.17, 0.46), (0.17, 0.52)]);
+}
+
 /// Barrel, 0.9 high, hoops as steps of its outline.
 pub fn barrel(b: &mut Builder) {
     let lower = [(0.25, 0.0), (0.28, 0.12), (0.3, 0.26), (0.312, 0.265), (0.325, 0.45)];

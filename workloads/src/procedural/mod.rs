@@ -3,6 +3,7 @@
 mod cornell;
 mod facade;
 mod fern;
+mod furnish;
 mod furniture;
 mod palm;
 mod random;

@@ -4,9 +4,9 @@ use core::f64::consts::TAU;
 
 use glam::{DMat3, DVec3};
 
+use super::furnish::{bar_top, barrels, doorway, frame, shell, tables_with_chairs};
 use super::furniture::{
-    bar_counter, barrel, bottle, bottle_shelf, chair, mug, piano, railing, round_table, stool, swing_door,
-    wheel_chandelier,
+    bar_counter, barrel, bottle_shelf, piano, piano_stool, railing, stool, wheel_chandelier,
 };
 use super::random::Random;
 use super::shapes::{Builder, turn_y, turn_z};
@@ -32,7 +32,7 @@ pub fn saloon(seed: u32, detail: u32) -> Mesh {
     let mut b = Builder::new(detail);
     let mut random = Random::new(seed);
     let still = DMat3::IDENTITY;
-    b.object("shell", still, DVec3::ZERO, shell);
+    b.object("shell", still, DVec3::ZERO, |b| shell(b, HALF_X, HALF_Z, HEIGHT));
     b.object("floor", still, DVec3::ZERO, floor);
     b.object("wainscot", still, DVec3::ZERO, wainscot);
     b.object("beams", still, DVec3::ZERO, beams);
@@ -51,46 +51,19 @@ pub fn saloon(seed: u32, detail: u32) -> Mesh {
         bottle_shelf(b, 4.4, &[0.75, 1.15, 1.55], &mut random);
     });
 
-    for (x, z, radius, chairs) in
-        [(-1.9, 0.75, 0.55, 4), (2.2, 0.1, 0.6, 5), (0.2, 2.3, 0.5, 3), (3.4, 2.4, 0.55, 4)]
-    {
-        b.object("table", turn_y(random.range(0.0, 1.0)), at(x, 0.0, z), |b| round_table(b, radius));
-        table_top(&mut b, at(x, 0.76, z), radius, &mut random);
-        let first = random.range(0.0, TAU);
-        for k in 0..chairs {
-            let angle = first + TAU * (f64::from(k) + random.range(-0.12, 0.12)) / f64::from(chairs);
-            let turn = turn_y(angle + random.range(-0.2, 0.2));
-            let out = turn_y(angle) * at(0.0, 0.0, radius + random.range(0.22, 0.4));
-            b.object("chair", turn, at(x, 0.0, z) + out, chair);
-        }
-    }
+    let tables = [(-1.9, 0.75, 0.55, 4), (2.2, 0.1, 0.6, 5), (0.2, 2.3, 0.5, 3), (3.4, 2.4, 0.55, 4)];
+    tables_with_chairs(&mut b, &tables, 0.12, [0.22, 0.4], &mut random);
 
     b.object("piano", turn_y(TAU * 0.25), at(-4.6, 0.0, -0.3), piano);
-    b.object("piano stool", still, at(-3.95, 0.0, -0.3), |b| {
-        b.lathe(12, &[(0.16, 0.0), (0.05, 0.05), (0.04, 0.42), (0.17, 0.46), (0.17, 0.52)]);
-    });
-    b.object("door", turn_y(TAU * 0.25), at(HALF_X - 0.06, 0.0, 2.6), |b| {
-        b.cuboid(at(-0.85, 0.0, -0.05), at(-0.72, 2.1, 0.05));
-        b.cuboid(at(0.72, 0.0, -0.05), at(0.85, 2.1, 0.05));
-        b.cuboid(at(-0.9, 2.1, -0.055), at(0.9, 2.25, 0.055));
-        swing_door(b, 0.7);
-    });
-    for (x, y, z) in [(-4.5, 0.0, -3.5), (-3.8, 0.0, -3.55), (-4.15, 0.9, -3.5), (-4.55, 0.0, -2.8)] {
-        b.object("barrel", turn_y(random.range(0.0, TAU)), at(x, y, z), barrel);
-    }
+    b.object("piano stool", still, at(-3.95, 0.0, -0.3), piano_stool);
+    b.object("door", turn_y(TAU * 0.25), at(HALF_X - 0.06, 0.0, 2.6), doorway);
+    barrels(
+        &mut b,
+        &[(-4.5, 0.0, -3.5), (-3.8, 0.0, -3.55), (-4.15, 0.9, -3.5), (-4.55, 0.0, -2.8)],
+        &mut random,
+    );
     b.object("barrel", turn_z(TAU * 0.25), at(-3.2, 0.33, 3.2), barrel);
     b.finish()
-}
-
-/// Walls, ceiling and the ground under the planks, as slabs that touch along their edges.
-fn shell(b: &mut Builder) {
-    let (x, z, w) = (HALF_X, HALF_Z, 0.2);
-    b.cuboid(at(-x - w, -0.3, -z - w), at(x + w, -0.06, z + w));
-    b.cuboid(at(-x - w, HEIGHT, -z - w), at(x + w, HEIGHT + w, z + w));
-    b.cuboid(at(-x - w, -0.06, -z - w), at(-x, HEIGHT, z + w));
-    b.cuboid(at(x, -0.06, -z - w), at(x + w, HEIGHT, z + w));
-    b.cuboid(at(-x, -0.06, -z - w), at(x, HEIGHT, -z));
-    b.cuboid(at(-x, -0.06, z), at(x, HEIGHT, z + w));
 }
 
 /// Planks along x with narrow joints.
@@ -126,15 +99,6 @@ fn wainscot(b: &mut Builder) {
         b.object("", turn_y(TAU * 0.25), at(-HALF_X, 1.5, z), |b| frame(b, width, width * 1.2));
     }
     b.object("", turn_y(TAU * -0.25), at(HALF_X, 1.55, 0.1), |b| frame(b, 1.0, 0.75));
-}
-
-/// Picture frame on the wall z = 0, from (0, 0) to (`width`, `height`).
-pub fn frame(b: &mut Builder, width: f64, height: f64) {
-    b.cuboid(at(0.0, 0.0, 0.0), at(width, 0.06, 0.04));
-    b.cuboid(at(0.0, height - 0.06, 0.0), at(width, height, 0.04));
-    b.cuboid(at(0.0, 0.06, 0.0), at(0.06, height - 0.06, 0.04));
-    b.cuboid(at(width - 0.06, 0.06, 0.0), at(width, height - 0.06, 0.04));
-    b.cuboid(at(0.06, 0.06, 0.0), at(width - 0.06, height - 0.06, 0.015));
 }
 
 /// Two girders along x under the ceiling, joists across between them and the walls.
@@ -203,38 +167,4 @@ fn stairs(b: &mut Builder) {
         let (from, to) = (at(x, 0.0, start - 0.28), at(x, BALCONY - 0.29, start - run * 11.0 - 0.21));
         b.post(from, to, 0.08, 0.08);
     }
-}
-
-/// Bottles, mugs and a till along the bar.
-pub fn bar_top(b: &mut Builder, random: &mut Random) {
-    for k in 0..9 {
-        let x = -2.1 + 0.5 * f64::from(k) + random.range(-0.1, 0.1);
-        let z = random.range(-0.15, 0.2);
-        let turn = turn_y(random.range(0.0, TAU));
-        if k % 3 == 1 {
-            b.object("bottle", turn, at(x, 0.0, z), |b| bottle(b, random));
-        } else {
-            b.object("mug", turn, at(x, 0.0, z), mug);
-        }
-    }
-    b.object("till", turn_y(0.2), at(2.0, 0.0, -0.1), |b| {
-        b.cuboid(at(-0.2, 0.0, -0.15), at(0.2, 0.18, 0.15));
-        b.cuboid(at(-0.17, 0.18, -0.13), at(0.17, 0.36, -0.02));
-    });
-}
-
-/// Mugs, a bottle and cards on a table at `center`.
-pub fn table_top(b: &mut Builder, center: DVec3, radius: f64, random: &mut Random) {
-    let first = random.range(0.0, TAU);
-    for k in 0..3 {
-        let turn = turn_y(first + TAU * f64::from(k) / 3.0);
-        b.object("mug", turn, center + turn * at(radius * 0.62, 0.0, 0.0), mug);
-        let card = turn_y(first + TAU * (f64::from(k) + random.range(0.3, 0.7)) / 3.0);
-        b.object("cards", card, center + card * at(radius * 0.7, 0.0, 0.0), |b| {
-            b.cuboid(at(-0.03, 0.0, -0.045), at(0.03, 0.012, 0.045));
-        });
-    }
-    b.object("bottle", turn_y(first), center + turn_y(first + 0.5) * at(0.14, 0.0, 0.0), |b| {
-        bottle(b, random)
-    });
 }

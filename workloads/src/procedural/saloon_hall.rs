@@ -4,12 +4,9 @@ use core::f64::consts::TAU;
 
 use glam::{DMat3, DVec3};
 
-use super::furniture::{
-    baluster, bar_counter, barrel, bottle_shelf, chair, piano, round_table, stool, swing_door,
-    wheel_chandelier,
-};
+use super::furnish::{bar_top, barrels, doorway, frame, shell, tables_with_chairs};
+use super::furniture::{baluster, bar_counter, bottle_shelf, piano, piano_stool, stool, wheel_chandelier};
 use super::random::Random;
-use super::saloon::{bar_top, frame, table_top};
 use super::shapes::{Builder, turn_y, turn_z};
 use crate::mesh::Mesh;
 
@@ -33,7 +30,7 @@ pub fn saloon_hall(seed: u32, detail: u32) -> Mesh {
     let mut b = Builder::new(2 * detail);
     let mut random = Random::new(seed);
     let still = DMat3::IDENTITY;
-    b.object("shell", still, DVec3::ZERO, shell);
+    b.object("shell", still, DVec3::ZERO, |b| shell(b, HALF_X, HALF_Z, HEIGHT));
     b.object("floor", still, DVec3::ZERO, floor);
     b.object("ceiling", turn_z(TAU * 0.5), at(0.0, HEIGHT, 0.0), ceiling);
     b.object("panels", still, DVec3::ZERO, panels);
@@ -53,33 +50,17 @@ pub fn saloon_hall(seed: u32, detail: u32) -> Mesh {
         b.object("hanging lamp", still, at(x, 1.95, -2.95), |b| hanging_lamp(b, GALLERY - 0.3 - 1.95));
     }
 
-    for (x, z, radius, chairs) in
-        [(-2.6, 0.7, 0.6, 3), (2.6, -0.2, 0.62, 3), (-0.5, 2.5, 0.58, 2), (3.1, 2.7, 0.6, 3)]
-    {
-        b.object("table", turn_y(random.range(0.0, 1.0)), at(x, 0.0, z), |b| round_table(b, radius));
-        table_top(&mut b, at(x, 0.76, z), radius, &mut random);
-        let first = random.range(0.0, TAU);
-        for k in 0..chairs {
-            let angle = first + TAU * (f64::from(k) + random.range(-0.1, 0.1)) / f64::from(chairs);
-            let turn = turn_y(angle + random.range(-0.2, 0.2));
-            let out = turn_y(angle) * at(0.0, 0.0, radius + random.range(0.24, 0.42));
-            b.object("chair", turn, at(x, 0.0, z) + out, chair);
-        }
-    }
+    let tables = [(-2.6, 0.7, 0.6, 3), (2.6, -0.2, 0.62, 3), (-0.5, 2.5, 0.58, 2), (3.1, 2.7, 0.6, 3)];
+    tables_with_chairs(&mut b, &tables, 0.1, [0.24, 0.42], &mut random);
 
     b.object("piano", turn_y(TAU * -0.25), at(HALF_X - 0.42, 0.0, 1.0), piano);
-    b.object("piano stool", still, at(HALF_X - 1.15, 0.0, 1.0), |b| {
-        b.lathe(12, &[(0.16, 0.0), (0.05, 0.05), (0.04, 0.42), (0.17, 0.46), (0.17, 0.52)]);
-    });
-    b.object("door", turn_y(TAU * 0.25), at(HALF_X - 0.1, 0.0, 3.2), |b| {
-        b.cuboid(at(-0.85, 0.0, -0.05), at(-0.72, 2.1, 0.05));
-        b.cuboid(at(0.72, 0.0, -0.05), at(0.85, 2.1, 0.05));
-        b.cuboid(at(-0.9, 2.1, -0.055), at(0.9, 2.25, 0.055));
-        swing_door(b, 0.7);
-    });
-    for (x, y, z) in [(-5.9, 0.0, -3.9), (-5.1, 0.0, -4.0), (-5.5, 0.9, -3.95), (-6.0, 0.0, -3.1)] {
-        b.object("barrel", turn_y(random.range(0.0, TAU)), at(x, y, z), barrel);
-    }
+    b.object("piano stool", still, at(HALF_X - 1.15, 0.0, 1.0), piano_stool);
+    b.object("door", turn_y(TAU * 0.25), at(HALF_X - 0.1, 0.0, 3.2), doorway);
+    barrels(
+        &mut b,
+        &[(-5.9, 0.0, -3.9), (-5.1, 0.0, -4.0), (-5.5, 0.9, -3.95), (-6.0, 0.0, -3.1)],
+        &mut random,
+    );
     for (x, z) in [(-5.9, -1.9), (1.1, 1.2)] {
         b.object("spittoon", still, at(x, 0.0, z), spittoon);
     }
@@ -88,17 +69,6 @@ pub fn saloon_hall(seed: u32, detail: u32) -> Mesh {
         b.object("gallery door", still, at(x, GALLERY, -HALF_Z), gallery_door);
     }
     b.finish()
-}
-
-/// Walls, the ground under the planks and the roof, as slabs that touch along their edges.
-fn shell(b: &mut Builder) {
-    let (x, z, w) = (HALF_X, HALF_Z, 0.2);
-    b.cuboid(at(-x - w, -0.3, -z - w), at(x + w, -0.06, z + w));
-    b.cuboid(at(-x - w, HEIGHT, -z - w), at(x + w, HEIGHT + w, z + w));
-    b.cuboid(at(-x - w, -0.06, -z - w), at(-x, HEIGHT, z + w));
-    b.cuboid(at(x, -0.06, -z - w), at(x + w, HEIGHT, z + w));
-    b.cuboid(at(-x, -0.06, -z - w), at(x, HEIGHT, -z));
-    b.cuboid(at(-x, -0.06, z), at(x, HEIGHT, z + w));
 }
 
 /// Trodden planks along x.

@@ -1,5 +1,7 @@
+use std::collections::BTreeMap;
+
 use super::*;
-use crate::adjacency::prepare;
+use crate::adjacency::{Adjacency, prepare};
 
 fn request(name: &str, seed: u32, detail: u32) -> Procedural {
     Procedural { procedural: name.to_owned(), seed, detail }
@@ -37,5 +39,23 @@ fn preparing_keeps_every_triangle() {
         prepare(&mut mesh);
         assert_eq!(mesh.triangles.len(), before);
         assert!((0..before).all(|t| !crate::adjacency::is_degenerate(&mesh, t)), "{name}");
+    }
+}
+
+#[test]
+fn bodies_of_generators_are_wound_outward() {
+    for name in NAMES {
+        let mut mesh = build(&request(name, 1, 1)).expect(name);
+        prepare(&mut mesh);
+        let adjacency = Adjacency::new(&mesh);
+        // Six times the volume of each body, about its first corner.
+        let mut volumes = BTreeMap::new();
+        for (t, body) in adjacency.component.iter().enumerate() {
+            let [a, b, c] = mesh.corners(t);
+            let (first, volume) = volumes.entry(body).or_insert((a, 0.0));
+            *volume += (a - *first).dot((b - *first).cross(c - *first));
+        }
+        let inward = volumes.values().filter(|(_, volume)| *volume <= 0.0).count();
+        assert_eq!(inward, 0, "{name}: of {} bodies", volumes.len());
     }
 }

@@ -20,6 +20,16 @@ pub struct HardHit {
     pub t: f64,
 }
 
+/// Greatest [`HardHit::t`] at which triangle `v` shadows: it must be nearer than the receiver by more than f32 may take a
+/// point off its plane, which is eight roundings of the terms of `point . normal`, as the kernels have it.
+pub(super) fn greatest_t(v: [DVec3; 3]) -> f64 {
+    const ROUNDINGS: f64 = 1.0 / (1 << 21) as f64;
+    let n = (v[1] - v[0]).cross(v[2] - v[0]);
+    let terms = v.map(|p| p.abs().dot(n.abs())).into_iter().fold(0.0, f64::max);
+    let distance = v[0].dot(n).abs();
+    distance / (distance + ROUNDINGS * terms)
+}
+
 /// Tests triangle `v` with vertex numbers `index` against receiver `p`; `None` if it is edge-on to the light.
 ///
 /// No division before `t`, no clipping: right for triangles that cross the light's plane. [algorithms, §1.2]

@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-use super::hard::{hard_test, is_left};
+use super::hard::{greatest_t, hard_test, is_left};
 use super::segment::area_beyond;
 use crate::adjacency::{Adjacency, Counting, EdgeWeights, counts};
 use crate::eye::EyeView;
@@ -11,8 +11,6 @@ use crate::light::Light;
 use crate::mesh::Mesh;
 use crate::shadow_input::ShadowInput;
 
-/// A triangle nearer than this to the receiver, as a part of its distance from the light, does not shadow it.
-const SELF_SHADOW_EPS: f64 = 1e-5;
 /// Edges are clipped this far in front of the receiver, as a part of its distance from the light.
 const CLIP_EPS: f64 = 1e-6;
 
@@ -61,6 +59,10 @@ impl Projection {
         let (q0, q1) = (v0 - self.p, v1 - self.p);
         let (h0, h1) = (q0.dot(self.axis), q1.dot(self.axis));
         let (low, high) = (CLIP_EPS * self.distance, self.distance);
+        // In the plane of a disc that does not turn, but for rounding, the light is a line: no part of it to cover.
+        if high <= f64::EPSILON * self.p.length() {
+            return None;
+        }
         if (h0 <= low && h1 <= low) || (h0 >= high && h1 >= high) {
             return None;
         }
@@ -190,7 +192,7 @@ impl Occluders {
             if let Some(hit) = hard_test(v, face.index, p)
                 && hit.inside
                 && hit.t > 0.0
-                && hit.t < 1.0 - SELF_SHADOW_EPS
+                && hit.t < greatest_t(v)
             {
                 front += f64::from(face.front);
                 back += f64::from(face.back);

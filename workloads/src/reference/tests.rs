@@ -190,6 +190,18 @@ fn a_point_light_gives_the_same_hard_shadow_both_ways() {
     assert!(different * 500 < truth.len(), "{different} of {}", truth.len());
 }
 
+/// The ceiling around a lamp that is let into it: f64 has the lamp's plane pass through the receiver, or nearly so.
+#[test]
+fn a_receiver_in_the_plane_of_a_disc_gets_a_number() {
+    let mesh = polygons(&serde_json::json!([[[1, -1, -1], [1, 1, -1], [1, 1, 1], [1, -1, 1]]]));
+    let light = Light::Disc { center: DVec3::ZERO, normal: DVec3::Y, radius: 0.5 };
+    let occluders = Occluders::from_mesh(&mesh, &Adjacency::new(&mesh), &light);
+    for y in [0.0, 1e-300, -1e-17, 1e-9] {
+        let visible = occluders.visibility_at(DVec3::new(3.0, y, 0.1), u32::MAX);
+        assert!((0.0..=1.0).contains(&visible), "{y}: {visible}");
+    }
+}
+
 #[test]
 fn one_straight_edge_gives_the_closed_form_by_rays_too() {
     // Half a plane right under the light covers the part of the disc beyond its edge.

@@ -9,6 +9,8 @@ const NO_LINE: u32 = u32::MAX;
 struct Group {
     tags: [u32; GROUP],
     bits: [u8; GROUP],
+    /// Ways that hold a line.
+    held: u8,
     /// Ways of the whole set used since all others were; kept in the set's first group.
     recent: u16,
 }
@@ -17,10 +19,37 @@ impl Group {
     /// The first way that holds `line`.
     #[inline(always)]
     fn first_way_with(&self, line: u32) -> Option<u32> {
-        // A byte a way in one word: the compiler makes this two vector compares and two packs.
-        let equal = u64::from_le_bytes(self.tags.map(|tag| if tag == line { 0xff } else { 0 }));
-        (equal != 0).then(|| equal.trailing_zeros() / 8)
+        let equal = equal_ways(&self.tags, line);
+        (equal != 0).then(|| equal.trailing_zeros())
     }
+}
+
+/// A bit for every tag that is `line`.
+#[cfg(target_arch = "x86_64")]
+#[inline(always)]
+fn equal_ways(tags: &[u32; GROUP], line: u32) -> u32 {
+    use core::arch::x86_64::{
+        _mm_cmpeq_epi32, _mm_movemask_epi8, _mm_packs_epi16, _mm_packs_epi32, _mm_set1_epi32, _mm_setr_epi32,
+    };
+    // The most frequent search of all: a third of what the compiler makes of the plain loop.
+    let [a, b, c, d, e, f, g, h] = tags.map(u32::cast_signed);
+    #[expect(unsafe_code, reason = "host SIMD on values, no memory")]
+    // SAFETY: every x86-64 host has SSE2.
+    unsafe {
+        let line = _mm_set1_epi32(line.cast_signed());
+        let low = _mm_cmpeq_epi32(_mm_setr_epi32(a, b, c, d), line);
+        let high = _mm_cmpeq_epi32(_mm_setr_epi32(e, f, g, h), line);
+        let halves = _mm_packs_epi32(low, high);
+        let bytes = _mm_packs_epi16(halves, halves);
+        (_mm_movemask_epi8(bytes) & 0xff).cast_unsigned()
+    }
+}
+
+/// A bit for every tag that is `line`.
+#[cfg(not(target_arch = "x86_64"))]
+#[inline(always)]
+fn equal_ways(tags: &[u32; GROUP], line: u32) -> u32 {
+    tags.iter().zip(0..).map(|(tag, way)| u32::from(*tag == line) << way).sum()
 }
 
 /// Where a line sits: valid until the set changes.
@@ -59,7 +88,7 @@ impl Tags {
 
     pub(crate) fn new(sets: u32, ways: u32) -> Tags {
         let groups_per_set = ways.div_ceil(GROUP as u32);
-        let empty = Group { tags: [NO_LINE; GROUP], bits: [0; GROUP], recent: 0 };
+        let empty = Group { tags: [NO_LINE; GROUP], bits: [0; GROUP], held: 0, recent: 0 };
         Tags {
             groups: vec![empty; (sets * groups_per_set) as usize],
             sets,
@@ -71,7 +100,6 @@ impl Tags {
     }
 
     pub(crate) fn absent() -> Tags {
-        // No groups, which a search passes over at no extra cost.
         Tags { groups: Vec::new(), sets: 0, ways: 0, all_ways: 0, groups_per_set: 0, mask: Some(0) }
     }
 
@@ -92,10 +120,13 @@ impl Tags {
     #[inline(always)]
     pub(crate) fn find(&self, line: u32) -> Option<Slot> {
         let first = self.first_group(line);
-        for group in first..first + self.groups_per_set as usize {
-            if let Some(way) = self.groups[group].first_way_with(line) {
-                return Some(Slot { group: group as u32, way });
-            }
+        // A core that has not run has no groups.
+        if let Some(way) = self.groups.get(first)?.first_way_with(line) {
+            return Some(Slot { group: first as u32, way });
+        }
+        if self.groups_per_set > 1 {
+            let way = self.groups[first + 1].first_way_with(line)?;
+            return Some(Slot { group: first as u32 + 1, way });
         }
         None
     }
@@ -128,40 +159,45 @@ impl Tags {
         self.groups[slot.group as usize].bits[slot.way as usize] = bits;
     }
 
-    /// Where `line`, which is not here, would go.
-    #[inline]
-    fn place_for(&self, line: u32) -> Slot {
+    /// Where `line`, which is not here, goes: the first empty way, or the first not marked.
+    #[inline(always)]
+    pub(crate) fn place_for(&self, line: u32) -> Slot {
         let first = self.first_group(line);
-        let groups = &self.groups[first..first + self.groups_per_set as usize];
-        let empty = groups
-            .iter()
-            .zip(0..)
-            .find_map(|(group, index)| group.first_way_with(NO_LINE).map(|way| index * GROUP + way as usize));
-        // The first empty way, or the first not marked. With one way the only line is always the victim.
-        let way = match empty {
-            Some(way) if way < self.ways as usize => way,
-            _ if self.ways == 1 => 0,
-            _ => (!groups[0].recent).trailing_zeros() as usize,
+        let mut held = u32::from(self.groups[first].held);
+        if self.groups_per_set > 1 {
+            held |= u32::from(self.groups[first + 1].held) << GROUP;
+        }
+        let way = if held != u32::from(self.all_ways) {
+            (!held).trailing_zeros()
+        } else if self.ways == 1 {
+            // The only line is always the victim.
+            0
+        } else {
+            (!self.groups[first].recent).trailing_zeros()
         };
-        Slot { group: (first + way / GROUP) as u32, way: (way % GROUP) as u32 }
+        Slot { group: first as u32 + way / GROUP as u32, way: way % GROUP as u32 }
     }
 
-    /// The line that would make room for `line`, which is not here.
-    pub(crate) fn victim_of(&self, line: u32) -> Option<u32> {
-        let slot = self.place_for(line);
-        let victim = self.groups[slot.group as usize].tags[slot.way as usize];
-        (victim != NO_LINE).then_some(victim)
+    /// The line at `slot`.
+    #[inline(always)]
+    pub(crate) fn line_at(&self, slot: Slot) -> Option<u32> {
+        let group = &self.groups[slot.group as usize];
+        (group.held >> slot.way & 1 == 1).then(|| group.tags[slot.way as usize])
     }
 
-    /// Puts `line`, which is not here, in its set and touches it. Returns the victim and its bits.
-    pub(crate) fn insert(&mut self, line: u32, bits: u8) -> Option<(u32, u8)> {
-        let slot = self.place_for(line);
-        let group = &mut self.groups[slot.group as usize];
-        let old = (group.tags[slot.way as usize], group.bits[slot.way as usize]);
-        group.tags[slot.way as usize] = line;
-        group.bits[slot.way as usize] = bits;
-        self.touch(slot);
-        (old.0 != NO_LINE).then_some(old)
+    /// Puts `line`, which is not here, at `place`, which [`Tags::place_for`] gave, and touches it. Returns the victim and
+    /// its bits.
+    #[inline(always)]
+    pub(crate) fn insert(&mut self, place: Slot, line: u32, bits: u8) -> Option<(u32, u8)> {
+        let victim = self.line_at(place);
+        let group = &mut self.groups[place.group as usize];
+        let way = place.way as usize;
+        let old = victim.map(|victim| (victim, group.bits[way]));
+        group.tags[way] = line;
+        group.bits[way] = bits;
+        group.held |= 1 << way;
+        self.touch(place);
+        old
     }
 
     /// Empties a slot.
@@ -169,5 +205,6 @@ impl Tags {
         let group = &mut self.groups[slot.group as usize];
         group.tags[slot.way as usize] = NO_LINE;
         group.bits[slot.way as usize] = 0;
+        group.held &= !(1 << slot.way);
     }
 }

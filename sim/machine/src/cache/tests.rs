@@ -40,7 +40,7 @@ fn tags_agree_with_a_dumb_model_under_random_traffic() {
                     tags.touch(slot);
                     (true, None)
                 }
-                None => (false, tags.insert(line, 0).map(|(victim, _)| victim)),
+                None => (false, tags.insert(tags.place_for(line), line, 0).map(|(victim, _)| victim)),
             };
             assert_eq!((hit, victim), model.access(line), "{sets} sets of {ways}");
         }

@@ -49,10 +49,11 @@ pub struct CoreActivity {
 impl Chip {
     /// A cold chip.
     pub fn new(spec: &MachineSpec, fidelity: Fidelity) -> Chip {
-        let hierarchy = Hierarchy::new(spec);
+        let exact = fidelity == Fidelity::Cycle;
+        let hierarchy = Hierarchy::new(spec, exact);
         Chip {
             fidelity,
-            tables: CoreTables::new(spec, fidelity == Fidelity::Cycle),
+            tables: CoreTables::new(spec, exact),
             barrier_cycles: barrier_cycles(spec, &hierarchy.rings),
             hierarchy,
             cores: (0..spec.cores).map(|_| None).collect(),
@@ -177,7 +178,10 @@ impl Chip {
             report.l1d += std::mem::take(&mut caches.l1_counters);
             report.l2 += std::mem::take(&mut caches.l2_counters);
         }
-        report.ring = std::mem::take(&mut self.hierarchy.rings.counters);
+        for counters in [&mut report.l1d, &mut report.l2] {
+            counters.accesses = counters.hits + counters.misses + counters.merged;
+        }
+        report.ring = self.hierarchy.rings.take_counters();
         report.directory = std::mem::take(&mut self.hierarchy.counters);
         report.memory = std::mem::take(&mut self.hierarchy.memory.counters);
         report.atomics = std::mem::take(&mut self.hierarchy.atomics);

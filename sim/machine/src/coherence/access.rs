@@ -2,7 +2,7 @@
 
 use super::{Directory, State};
 use crate::Cycle;
-use crate::cache::{CoreCaches, Intent, Tags};
+use crate::cache::{CoreCaches, Intent, Slot, Tags};
 use crate::config::MachineSpec;
 use crate::counters::{AtomicCounters, Cause, DirectoryCounters};
 use crate::memory::Memory;
@@ -18,6 +18,8 @@ pub(crate) struct Hierarchy {
     pub(super) slices: Vec<Slots>,
     pub(crate) rings: Rings,
     pub(crate) memory: Memory,
+    /// The core at whose stop each controller is: spread evenly.
+    pub(super) controller_stops: Vec<u32>,
     /// Room for the list of cores that a transaction has to ask.
     pub(super) peers: Vec<u32>,
     pub(crate) counters: DirectoryCounters,
@@ -46,13 +48,20 @@ pub(super) struct L2Access {
 }
 
 impl Hierarchy {
-    pub(crate) fn new(spec: &MachineSpec) -> Hierarchy {
+    /// Cold and idle; with rings that know every slot (`exact`) or count them in windows.
+    pub(crate) fn new(spec: &MachineSpec, exact: bool) -> Hierarchy {
         Hierarchy {
             caches: (0..spec.cores).map(|_| CoreCaches::absent()).collect(),
             directory: Directory::default(),
             slices: vec![Slots::new(spec.directory_interval * 256); spec.cores as usize],
-            rings: Rings::new(spec),
+            rings: Rings::new(spec, exact),
             memory: Memory::new(&spec.memory),
+            controller_stops: (0..spec.memory.controllers)
+                .map(|controller| {
+                    (u64::from(controller) * u64::from(spec.cores) / u64::from(spec.memory.controllers))
+                        as u32
+                })
+                .collect(),
             peers: Vec::new(),
             counters: DirectoryCounters::default(),
             atomics: AtomicCounters::default(),
@@ -60,24 +69,24 @@ impl Hierarchy {
         }
     }
 
-    /// A hit in L1, the common case. `None` when it is anything else; then nothing has changed but the way's recency.
+    /// A hit in L1, the common case. `Err` when it is anything else: where the line lies, if it is there; then nothing has
+    /// changed.
     #[inline(always)]
-    pub(crate) fn l1_hit(&mut self, core: usize, line: u32, write: bool) -> bool {
+    pub(crate) fn l1_hit(&mut self, core: usize, line: u32, write: bool) -> Result<(), Option<Slot>> {
         let caches = &mut self.caches[core];
-        let Some(slot) = caches.l1.find(line) else { return false };
+        let Some(slot) = caches.l1.find(line) else { return Err(None) };
         let bits = caches.l1.bits(slot);
         if write {
             if bits & (Tags::WRITABLE | Tags::PENDING) != Tags::WRITABLE {
-                return false;
+                return Err(Some(slot));
             }
             caches.l1.set_bits(slot, bits | Tags::DIRTY);
         } else if bits & Tags::PENDING != 0 {
-            return false;
+            return Err(Some(slot));
         }
         caches.l1.touch(slot);
-        caches.l1_counters.accesses += 1;
         caches.l1_counters.hits += 1;
-        true
+        Ok(())
     }
 
     /// An access of `core` to `line` at `now`; `Err` is the time to ask again, when all MSHRs that it needs are taken, and
@@ -90,10 +99,10 @@ impl Hierarchy {
         intent: Intent,
         now: Cycle,
     ) -> Result<Access, Cycle> {
-        if self.l1_hit(core, line, intent != Intent::Read) {
-            return Ok(self.hit(now));
+        match self.l1_hit(core, line, intent != Intent::Read) {
+            Ok(()) => Ok(self.hit(now)),
+            Err(slot) => self.access_beyond_hit(core, line, slot, intent, now),
         }
-        self.access_beyond_hit(core, line, intent, now)
     }
 
     /// A hit in L1 at `now`.
@@ -102,25 +111,24 @@ impl Hierarchy {
         Access { ready: now + self.spec.l1d.hit_cycles, cause: Cause::L1, missed: false }
     }
 
-    /// An access that [`Hierarchy::l1_hit`] is not enough for.
+    /// An access that [`Hierarchy::l1_hit`] is not enough for, which found the line in `l1_slot` if at all.
     #[inline(never)]
     pub(crate) fn access_beyond_hit(
         &mut self,
         core: usize,
         line: u32,
+        l1_slot: Option<Slot>,
         intent: Intent,
         now: Cycle,
     ) -> Result<Access, Cycle> {
         let write = intent != Intent::Read;
         let caches = &mut self.caches[core];
         if self.spec.ideal.memory {
-            caches.l1_counters.accesses += 1;
             caches.l1_counters.hits += 1;
             return Ok(self.hit(now));
         }
 
         // On its way: wait for the same fill.
-        let l1_slot = caches.l1.find(line);
         if let Some(slot) = l1_slot {
             let bits = caches.l1.bits(slot);
             let may = !write || bits & Tags::WRITABLE != 0;
@@ -130,15 +138,17 @@ impl Hierarchy {
             {
                 caches.l1.set_bits(slot, bits | if write { Tags::DIRTY } else { 0 });
                 caches.l1.touch(slot);
-                caches.l1_counters.accesses += 1;
                 caches.l1_counters.merged += 1;
                 let ready = mshr.fill.max(now + self.spec.l1d.hit_cycles);
                 return Ok(Access { ready, cause: mshr.cause, missed: true });
             }
-            caches.l1.set_bits(slot, bits & !Tags::PENDING);
+            let arrived = bits & !Tags::PENDING;
+            caches.l1.set_bits(slot, arrived);
             if may {
                 // It has arrived since.
-                assert!(self.l1_hit(core, line, write), "core {core} holds line {line:#x}");
+                caches.l1.set_bits(slot, arrived | if write { Tags::DIRTY } else { 0 });
+                caches.l1.touch(slot);
+                caches.l1_counters.hits += 1;
                 return Ok(self.hit(now));
             }
         }
@@ -147,7 +157,6 @@ impl Hierarchy {
         let mshr = caches.l1_mshrs.free(now)?;
         let L2Access { ready, cause, owned } = self.l2_access(core, line, intent, now)?;
         let caches = &mut self.caches[core];
-        caches.l1_counters.accesses += 1;
         caches.l1_counters.misses += 1;
         caches.l1_mshrs.hold(mshr, line, ready, cause);
 
@@ -163,7 +172,7 @@ impl Hierarchy {
                 caches.l1.touch(slot);
             }
             None => {
-                if let Some((victim, victim_bits)) = caches.l1.insert(line, bits) {
+                if let Some((victim, victim_bits)) = caches.l1.insert(caches.l1.place_for(line), line, bits) {
                     caches.l1_counters.evictions += 1;
                     if victim_bits & Tags::DIRTY != 0 {
                         caches.l1_counters.writebacks += 1;
@@ -193,7 +202,6 @@ impl Hierarchy {
             let owned = State::from_bits(bits).is_owner();
             if intent == Intent::Read || owned {
                 caches.l2.touch(slot);
-                caches.l2_counters.accesses += 1;
                 if intent != Intent::Read {
                     caches.l2.set_bits(slot, bits | State::M as u8);
                 }
@@ -211,7 +219,6 @@ impl Hierarchy {
             }
         }
         let mshr = caches.l2_mshrs.free(now)?;
-        caches.l2_counters.accesses += 1;
         caches.l2_counters.misses += 1;
         // The L2 has to find out that it misses first.
         let access = self.transact(core, line, l2_slot, intent, now + hit_cycles);

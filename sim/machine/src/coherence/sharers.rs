@@ -45,6 +45,12 @@ impl Sharers {
         (self.0 >> 4) as usize
     }
 
+    /// The cores, while they are few.
+    #[inline(always)]
+    pub(crate) fn few(self) -> Option<impl Iterator<Item = u32>> {
+        (self.count_code() != POOLED).then(|| (0..self.count_code() as u32).map(move |i| self.inline_core(i)))
+    }
+
     /// Adds `core` in S; the owner, if there is one, becomes a sharer.
     pub(crate) fn add(&mut self, core: u32, pool: &mut Pool) {
         if self.contains(core, pool) {
@@ -72,7 +78,13 @@ impl Sharers {
     }
 
     /// Takes `core` out.
+    #[inline]
     pub(crate) fn remove(&mut self, core: u32, pool: &mut Pool) {
+        if self.count_code() == 1 {
+            // The most frequent case.
+            self.0 = if self.inline_core(0) == core { 0 } else { self.0 & !OWNED };
+            return;
+        }
         let mut rest = Sharers::default();
         if self.count_code() == POOLED {
             let set = &mut pool.sets[self.pool_index()];

@@ -1,5 +1,5 @@
 use super::*;
-use crate::cache::{Intent, Tags};
+use crate::cache::{CoreCaches, Intent, Tags};
 use crate::config::{MachineConfig, builtin_machine};
 use crate::streams::Random;
 use std::collections::BTreeSet;
@@ -126,14 +126,15 @@ fn directory_and_caches_agree_under_random_traffic() {
     (config.l1d.capacity_bytes, config.l1d.ways) = (512, 2);
     (config.l2.capacity_bytes, config.l2.ways) = (2048, 4);
     let spec = config.validate().expect("sound");
-    let mut hierarchy = Hierarchy::new(&spec);
+    let mut hierarchy = Hierarchy::new(&spec, true);
     for caches in &mut hierarchy.caches {
         caches.power_up(&spec);
     }
     let mut random = Random::new(5);
     let lines = 100;
     let mut now = 0;
-    for round in 0..60_000_u32 {
+    let rounds = 60_000_u32;
+    for round in 0..rounds {
         // Mostly a few cores, at times all of them, so that lines have few sharers and many.
         let core = random.below(if round % 4 == 0 { 70 } else { 4 }) as usize;
         let line = random.below(if round % 3 == 0 { 8 } else { lines });
@@ -153,11 +154,11 @@ fn directory_and_caches_agree_under_random_traffic() {
         }
     }
     check(&mut hierarchy, lines);
-    let total = hierarchy.caches.iter().fold((0, 0), |(accesses, parts), caches| {
-        let c = caches.l1_counters;
-        (accesses + c.accesses, parts + c.hits + c.misses + c.merged)
-    });
-    assert_eq!(total.0, total.1);
+    let counted = |caches: &CoreCaches| {
+        let counters = caches.l1_counters;
+        counters.hits + counters.misses + counters.merged
+    };
+    assert_eq!(hierarchy.caches.iter().map(counted).sum::<u64>(), u64::from(rounds));
 }
 
 #[test]
@@ -165,7 +166,7 @@ fn second_miss_to_a_line_in_flight_fetches_once() {
     let config: MachineConfig =
         serde_json::from_str(builtin_machine("larrabee-24").expect("shipped")).expect("parses");
     let spec = config.validate().expect("sound");
-    let mut hierarchy = Hierarchy::new(&spec);
+    let mut hierarchy = Hierarchy::new(&spec, true);
     hierarchy.caches[3].power_up(&spec);
     let first = hierarchy.access(3, 99, Intent::Read, 0).expect("free MSHRs");
     let second = hierarchy.access(3, 99, Intent::Read, 10).expect("free MSHRs");

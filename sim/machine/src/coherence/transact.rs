@@ -21,12 +21,12 @@ impl Hierarchy {
 
     /// The core at whose stop the controller of `line` is.
     pub(crate) fn controller_stop(&self, line: u32) -> u32 {
-        let controller = u64::from(self.memory.controller_of(line));
-        (controller * u64::from(self.spec.cores) / u64::from(self.spec.memory.controllers)) as u32
+        self.controller_stops[self.memory.controller_of(line) as usize]
     }
 
     /// Serves a request that leaves `core` at `now`, whose L2 has the line in `l2_slot` if at all. Returns when line or
     /// ownership are there, and what held them up.
+    #[inline(always)]
     pub(super) fn transact(
         &mut self,
         core: usize,
@@ -37,21 +37,28 @@ impl Hierarchy {
     ) -> L2Access {
         let me = core as u32;
         let home = self.home_of(line);
-        let ring_waits_before = self.rings.counters.wait_cycles;
+        let ring_waits_before = self.rings.wait_cycles();
         self.counters.transactions += 1;
 
         // Records are seldom in the host's caches: ask for both that this transaction needs now, so that the host has them
         // by the time the request has travelled.
-        let record = *self.directory.record(line).0;
-        if l2_slot.is_none()
-            && let Some(victim) = self.caches[core].l2.victim_of(line)
-        {
-            std::hint::black_box(self.directory.record(victim).0.sharers);
-        }
+        self.directory.prefetch(line);
+        let place = match l2_slot {
+            Some(slot) => slot,
+            None => {
+                let l2 = &self.caches[core].l2;
+                let place = l2.place_for(line);
+                if let Some(victim) = l2.line_at(place) {
+                    self.directory.prefetch(victim);
+                }
+                place
+            }
+        };
 
         // To the home, and wait there for the slice and for earlier transactions on the line.
         let arrived = self.rings.send(me, home, Message::Short, now);
         let served = self.slices[home as usize].take(arrived);
+        let record = *self.directory.record(line).0;
         let others = match record.sharers.owner() {
             Some(owner) if owner != me => Others::Own,
             Some(_) => Others::Nobody,
@@ -66,11 +73,8 @@ impl Hierarchy {
         };
         let (next, actions) = transition(state, event).expect("the directory knows every copy");
         let changes_owner = others == Others::Own || next.is_owner();
-        let start = served.max(if changes_owner {
-            record.read_after.max(record.write_after)
-        } else {
-            record.read_after
-        });
+        let start =
+            served.max(if changes_owner { record.busy.write_after() } else { record.busy.read_after() });
         self.counters.wait_cycles += start - arrived;
         let leaves = start + self.spec.directory_lookup;
 
@@ -78,36 +82,29 @@ impl Hierarchy {
         let before = record.sharers;
         let mut done = leaves;
         if actions.data == Source::Peer || actions.invalidate_others {
-            let supplier = before.nearest(me, &self.directory.pool);
-            let mut peers = std::mem::take(&mut self.peers);
-            if actions.invalidate_others {
-                before.for_each(&self.directory.pool, |peer| {
-                    if peer != me {
-                        peers.push(peer);
-                    }
-                });
-            } else {
-                peers.extend(supplier);
-            }
-            if actions.data == Source::Peer {
-                self.counters.forwards += 1;
-            }
-            for peer in &peers {
-                let supplies = actions.data == Source::Peer && Some(*peer) == supplier;
-                let asked = self.rings.send(home, *peer, Message::Short, leaves);
-                if actions.invalidate_others {
-                    self.counters.invalidations += 1;
-                    self.lose(*peer as usize, line);
-                } else {
-                    self.supply(*peer, line, asked);
+            let supplier = match before.owner() {
+                Some(owner) => Some(owner),
+                None => before.nearest(me, &self.directory.pool),
+            };
+            let supplier = supplier.filter(|_| actions.data == Source::Peer);
+            self.counters.forwards += u64::from(supplier.is_some());
+            if !actions.invalidate_others {
+                let supplier = supplier.expect("only a peer's data are asked for without a loss");
+                let asked = self.rings.send(home, supplier, Message::Short, leaves);
+                self.supply(supplier, line, asked);
+                done = done.max(self.answer(supplier, me, true, asked));
+            } else if let Some(few) = before.few() {
+                for peer in few.filter(|peer| *peer != me) {
+                    done = done.max(self.invalidate(peer, home, me, line, supplier == Some(peer), leaves));
                 }
-                let message = if supplies { Message::Line } else { Message::Short };
-                // A supplier reads its L2; an acknowledgement leaves at once.
-                let answers = if supplies { asked + self.spec.l2.hit_cycles } else { asked };
-                done = done.max(self.rings.send(*peer, me, message, answers));
+            } else {
+                let mut peers = std::mem::take(&mut self.peers);
+                before.for_each(&self.directory.pool, |peer| peers.push(peer));
+                for peer in peers.drain(..).filter(|peer| *peer != me) {
+                    done = done.max(self.invalidate(peer, home, me, line, supplier == Some(peer), leaves));
+                }
+                self.peers = peers;
             }
-            peers.clear();
-            self.peers = peers;
         }
 
         // Memory, or the home's permission when no data are needed.
@@ -123,9 +120,9 @@ impl Hierarchy {
         }
 
         self.note(core, line, next, others, changes_owner, done);
-        self.fill_l2(core, line, l2_slot, next, done);
+        self.fill_l2(core, line, place, l2_slot.is_some(), next, done);
 
-        let ring_waits = self.rings.counters.wait_cycles - ring_waits_before;
+        let ring_waits = self.rings.wait_cycles() - ring_waits_before;
         let cause = if ring_waits * 2 > done - now {
             Cause::Ring
         } else if actions.data == Source::Memory {
@@ -134,6 +131,34 @@ impl Hierarchy {
             Cause::Remote
         };
         L2Access { ready: done, cause, owned: next.is_owner() }
+    }
+
+    /// Has the copy of `peer` invalidated by `home` at `now`; returns when its answer, the line if it `supplies` that, is
+    /// with `requester`.
+    #[inline(always)]
+    fn invalidate(
+        &mut self,
+        peer: u32,
+        home: u32,
+        requester: u32,
+        line: u32,
+        supplies: bool,
+        now: Cycle,
+    ) -> Cycle {
+        self.counters.invalidations += 1;
+        let asked = self.rings.send(home, peer, Message::Short, now);
+        self.lose(peer as usize, line);
+        self.answer(peer, requester, supplies, asked)
+    }
+
+    /// What `peer`, asked at `now`, sends: a supplier reads its L2, an acknowledgement leaves at once.
+    #[inline(always)]
+    fn answer(&mut self, peer: u32, requester: u32, supplies: bool, now: Cycle) -> Cycle {
+        if supplies {
+            self.rings.send(peer, requester, Message::Line, now + self.spec.l2.hit_cycles)
+        } else {
+            self.rings.send(peer, requester, Message::Short, now)
+        }
     }
 
     /// Writes down who has the line now, and until when it is busy.
@@ -147,7 +172,7 @@ impl Hierarchy {
         done: Cycle,
     ) {
         let (record, pool) = self.directory.record(line);
-        let Record { sharers, read_after, write_after } = record;
+        let Record { sharers, busy } = record;
         if next.is_owner() {
             sharers.clear(pool);
             *sharers = Sharers::owned_by(core as u32);
@@ -155,10 +180,7 @@ impl Hierarchy {
             debug_assert!(others != Others::Nobody, "alone and not the owner");
             sharers.add(core as u32, pool);
         }
-        *write_after = done.max(*write_after);
-        if changes_owner {
-            *read_after = done.max(*read_after);
-        }
+        *busy = busy.extended(done, changes_owner);
     }
 
     /// A peer's copy is read by another core: it stays, shared, and memory gets what it does not have.
@@ -198,17 +220,17 @@ impl Hierarchy {
         }
     }
 
-    /// Puts a line in a core's L2, where it may be already in `slot`, and makes room for it.
-    fn fill_l2(&mut self, core: usize, line: u32, slot: Option<Slot>, state: State, now: Cycle) {
+    /// Puts a line in a core's L2 at `place`, where it is already if it is `held`; otherwise makes room for it.
+    fn fill_l2(&mut self, core: usize, line: u32, place: Slot, held: bool, state: State, now: Cycle) {
         let caches = &mut self.caches[core];
         let bits = state as u8 | Tags::PENDING;
-        if let Some(slot) = slot {
+        if held {
             caches.l2_counters.upgrades += 1;
-            caches.l2.set_bits(slot, bits);
-            caches.l2.touch(slot);
+            caches.l2.set_bits(place, bits);
+            caches.l2.touch(place);
             return;
         }
-        let Some((victim, victim_bits)) = caches.l2.insert(line, bits) else { return };
+        let Some((victim, victim_bits)) = caches.l2.insert(place, line, bits) else { return };
         caches.l2_counters.evictions += 1;
         let mut state = State::from_bits(victim_bits);
         // The L2 is inclusive: the L1 loses what the L2 loses.

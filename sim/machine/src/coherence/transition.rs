@@ -108,6 +108,7 @@ impl Actions {
 
 /// What `event` makes of a copy in `state`; `None` where the two cannot meet, because there is one writer or many readers
 /// and the directory knows them exactly.
+#[inline]
 pub const fn transition(state: State, event: Event) -> Option<(State, Actions)> {
     use Event::{Evict, Read, RemoteRead, RemoteWrite, Stream, Write};
     use Others::{Nobody, Own, Share};

@@ -265,20 +265,19 @@ impl Thread {
                 // The common case: one line, and the L1 has it.
                 let line = self.stream.lines[self.line_pc];
                 let write = intent != crate::cache::Intent::Read;
-                if hierarchy.l1_hit(core, line, write) {
+                if hierarchy.l1_hit(core, line, write).is_ok() {
                     self.line_pc += 1;
                     self.ready[place] = When::new(now + row.latency(), Cause::L1);
                 } else {
-                    self.start_walk(tables, hierarchy, core, now, uop, row, hold);
+                    self.start_walk(tables, hierarchy, core, now, uop, hold);
                 }
             }
-            _ => self.start_walk(tables, hierarchy, core, now, uop, row, hold),
+            _ => self.start_walk(tables, hierarchy, core, now, uop, hold),
         }
     }
 
     /// Starts handing the lines of a memory uop to the caches.
     #[inline(never)]
-    #[expect(clippy::too_many_arguments, reason = "the arguments of `execute`, whose slow path this is")]
     fn start_walk(
         &mut self,
         tables: &CoreTables,
@@ -286,9 +285,9 @@ impl Thread {
         core: usize,
         now: Cycle,
         uop: u32,
-        row: Row,
         hold: &mut When,
     ) {
+        let row = tables.rows[(uop & 0xff) as usize];
         let lines = uop >> 24;
         let walk = Walk::new(self.pc - 1, row, lines, now);
         let until = if tables.stepwise { now } else { Cycle::MAX };

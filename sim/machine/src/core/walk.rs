@@ -59,6 +59,12 @@ impl Thread {
         until: Cycle,
     ) -> When {
         let kind = walk.row.kind;
+        let (data, interval_x256) = match kind {
+            Kind::Gather(intent) => (Some(intent), tables.gather_interval_x256),
+            Kind::GatherPrefetch => (None, tables.gather_interval_x256),
+            Kind::Access(intent) | Kind::Spill(intent) => (Some(intent), 256),
+            _ => (None, 256),
+        };
         while walk.done < walk.lines {
             if walk.due > until {
                 self.walk = walk;
@@ -67,7 +73,11 @@ impl Thread {
                 return When::new(walk.due, if full { Cause::L1 } else { Cause::GatherLines });
             }
             let line = self.next_line(kind);
-            match access(hierarchy, tables, core, line, kind, walk.due) {
+            let accessed = match data {
+                Some(intent) => load_or_store(hierarchy, core, line, intent, walk.due),
+                None => special(hierarchy, tables, core, line, kind, walk.due),
+            };
+            match accessed {
                 // All MSHRs taken: this line and those behind it wait.
                 Err(retry) => {
                     debug_assert!(retry > walk.due);
@@ -77,21 +87,15 @@ impl Thread {
                     self.line_pc += 1;
                     walk.done += 1;
                     walk.last = walk.due;
-                    match kind {
-                        Kind::PrefetchL1 | Kind::PrefetchL2 | Kind::GatherPrefetch => {}
-                        // A store is done for its thread when the line is there; nobody reads its result.
-                        _ => {
-                            let ready = When::new(access.ready, access.cause);
-                            walk.ready = walk.ready.max(ready);
-                            if access.missed {
-                                walk.missing = walk.missing.max(ready);
-                            }
+                    // A store is done for its thread when the line is there; nobody reads its result. Nothing waits for a
+                    // prefetch.
+                    if data.is_some() || kind == Kind::Atomic {
+                        let ready = When::new(access.ready, access.cause);
+                        walk.ready = walk.ready.max(ready);
+                        if access.missed {
+                            walk.missing = walk.missing.max(ready);
                         }
                     }
-                    let interval_x256 = match kind {
-                        Kind::Gather(_) | Kind::GatherPrefetch => tables.gather_interval_x256,
-                        _ => 256,
-                    };
                     let spaced = walk.issued + ((u64::from(walk.done) * interval_x256) >> 8);
                     // After a wait for MSHRs the lines behind keep their distance.
                     walk.due = spaced.max(walk.last + (interval_x256 >> 8));
@@ -118,9 +122,26 @@ impl Thread {
     }
 }
 
-/// One line of a memory uop of `kind`.
+/// One line of a load, a store, a gather or a scatter.
 #[inline(always)]
-fn access(
+fn load_or_store(
+    hierarchy: &mut Hierarchy,
+    core: usize,
+    line: u32,
+    intent: Intent,
+    now: Cycle,
+) -> Result<Access, Cycle> {
+    let mut access = hierarchy.access(core, line, intent, now)?;
+    if intent != Intent::Read && !access.missed {
+        // Into the store buffer: done at once.
+        access.ready = now + 1;
+    }
+    Ok(access)
+}
+
+/// One line of any other memory uop.
+#[inline(never)]
+fn special(
     hierarchy: &mut Hierarchy,
     tables: &CoreTables,
     core: usize,
@@ -129,14 +150,6 @@ fn access(
     now: Cycle,
 ) -> Result<Access, Cycle> {
     match kind {
-        Kind::Access(intent) | Kind::Gather(intent) | Kind::Spill(intent) => {
-            let mut access = hierarchy.access(core, line, intent, now)?;
-            if intent != Intent::Read && !access.missed {
-                // Into the store buffer: done at once.
-                access.ready = now + 1;
-            }
-            Ok(access)
-        }
         Kind::PrefetchL1 | Kind::GatherPrefetch => hierarchy.access(core, line, Intent::Read, now),
         Kind::PrefetchL2 => {
             hierarchy.prefetch_l2(core, line, now)?;
@@ -148,6 +161,7 @@ fn access(
             hierarchy.atomics.transfers += u64::from(access.missed);
             Ok(access)
         }
+        Kind::Access(_) | Kind::Gather(_) | Kind::Spill(_) => unreachable!("loads and stores"),
         Kind::Compute | Kind::Branch => unreachable!("touches no line"),
     }
 }

@@ -10,6 +10,7 @@ mod tests;
 use crate::Cycle;
 use crate::config::MemorySpec;
 use crate::counters::MemoryCounters;
+use crate::division::Divisor;
 use crate::occupancy::Slots;
 use lrbsim_isa::arena::LINE_BYTES;
 
@@ -28,7 +29,11 @@ struct Controller {
 /// All controllers.
 #[derive(Debug)]
 pub(crate) struct Memory {
-    spec: MemorySpec,
+    row_miss_cycles: Cycle,
+    row_hit_cycles: Cycle,
+    row_lines: Divisor,
+    banks: Divisor,
+    controller_count: Divisor,
     controllers: Vec<Controller>,
     pub(crate) counters: MemoryCounters,
 }
@@ -41,15 +46,20 @@ impl Memory {
             banks: (0..spec.banks).map(|_| bank()).collect(),
         };
         Memory {
-            spec: spec.clone(),
+            row_miss_cycles: spec.row_miss_cycles,
+            row_hit_cycles: spec.row_hit_cycles,
+            row_lines: Divisor::new(spec.row_lines.into()),
+            banks: Divisor::new(spec.banks.into()),
+            controller_count: Divisor::new(spec.controllers.into()),
             controllers: (0..spec.controllers).map(|_| controller()).collect(),
             counters: MemoryCounters::default(),
         }
     }
 
     /// The controller of a line.
+    #[inline(always)]
     pub(crate) fn controller_of(&self, line: u32) -> u32 {
-        line % self.spec.controllers
+        self.controller_count.div_rem(line.into()).1 as u32
     }
 
     /// Reads a line; returns when it leaves the controller.
@@ -66,19 +76,21 @@ impl Memory {
 
     fn access(&mut self, line: u32, now: Cycle) -> Cycle {
         self.counters.bytes += LINE_BYTES;
-        let spec = &self.spec;
-        let controller = &mut self.controllers[(line % spec.controllers) as usize];
-        let row = line / spec.controllers / spec.row_lines;
-        let mixed = row ^ (row / spec.banks) ^ (row / spec.banks / spec.banks);
-        let bank = &mut controller.banks[(mixed % spec.banks) as usize];
+        let (within, controller) = self.controller_count.div_rem(line.into());
+        let controller = &mut self.controllers[controller as usize];
+        let (row, _) = self.row_lines.div_rem(within);
+        let (above, _) = self.banks.div_rem(row);
+        let mixed = row ^ above ^ self.banks.div_rem(above).0;
+        let bank = &mut controller.banks[self.banks.div_rem(mixed).1 as usize];
+        let row = row as u32;
         // The row.
         let (opened, latency) = if bank.open_row == row {
             self.counters.row_hits += 1;
-            (now, spec.row_hit_cycles)
+            (now, self.row_hit_cycles)
         } else {
             self.counters.row_misses += 1;
             bank.open_row = row;
-            (bank.openings.take(now), spec.row_miss_cycles)
+            (bank.openings.take(now), self.row_miss_cycles)
         };
         // The channel: the burst is part of the idle latency, so only the wait adds to it.
         let burst = controller.channel.take(opened);

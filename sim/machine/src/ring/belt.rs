@@ -34,20 +34,27 @@ struct Stretch {
 impl Row {
     const EMPTY: Row = Row { stretches: [Stretch { taken: 0, number: 0 }; WORDS] };
 
-    /// Takes ticks `[first, first + count)` if all are free.
+    /// Takes ticks `[first, first + count)`, at least one, if all are free.
     #[inline(always)]
     fn take(&mut self, first: u64, count: u32) -> bool {
         let (number, shift) = (first / 64, (first % 64) as u32);
-        if shift + count <= 64 && count > 0 {
-            // The common case: the ride lies in one stretch.
-            let bits = (u64::MAX >> (64 - count)) << shift;
-            let stretch = &mut self.stretches[number as usize % WORDS];
-            if !stretch.is_free(number, bits) {
-                return false;
-            }
-            stretch.take(number, bits);
-            return true;
+        let stretch = &mut self.stretches[number as usize % WORDS];
+        if shift + count > 64 || stretch.number > number {
+            return self.take_spans(first, count);
         }
+        // The common case: the ride lies in one stretch, of which nothing later has been asked for.
+        let bits = (u64::MAX >> (64 - count)) << shift;
+        let taken = if stretch.number == number { stretch.taken } else { 0 };
+        if taken & bits != 0 {
+            return false;
+        }
+        *stretch = Stretch { taken: taken | bits, number };
+        true
+    }
+
+    /// The same for any ride.
+    #[inline(never)]
+    fn take_spans(&mut self, first: u64, count: u32) -> bool {
         let mut runs = spans(first, count);
         if !runs.all(|(number, bits)| self.stretches[number as usize % WORDS].is_free(number, bits)) {
             return false;
@@ -60,12 +67,10 @@ impl Row {
 }
 
 impl Stretch {
-    #[inline(always)]
     fn is_free(&self, number: u64, bits: u64) -> bool {
         self.number != number || self.taken & bits == 0
     }
 
-    #[inline(always)]
     fn take(&mut self, number: u64, bits: u64) {
         if self.number < number {
             *self = Stretch { taken: 0, number };
@@ -77,7 +82,6 @@ impl Stretch {
 }
 
 /// Cuts a run of ticks at the borders of words.
-#[inline]
 fn spans(first: u64, count: u32) -> impl Iterator<Item = (u64, u64)> {
     let mut at = first;
     let end = first + u64::from(count);

@@ -1,0 +1,113 @@
+//! The back ends: host lanes that compute, and an emitter that takes note.
+//!
+//! One implementation of every operation serves all of them, so they cannot drift apart:
+//! `Scalar` = [`Portable`](crate::lanes::Portable) lanes, counting; `Native` = host SIMD, counting; `Recording` = host
+//! SIMD, emitting uops.
+
+mod operations;
+// What the operations are made of:
+mod access;
+mod atomics;
+mod places;
+
+use core::marker::PhantomData;
+
+use crate::arena::{Addr, Arena, Memory, STACK_BASE_LINE, STACK_LINES};
+use crate::emit::Emit;
+use crate::lanes::{LANES, Lanes};
+use crate::uop::Class;
+
+/// Line of the constant pool: constants are few and stay in L1.
+const CONSTANT_LINE: u32 = 2;
+
+/// Stack slots that values between lanes and scalars take in turn.
+const TRANSFER_SLOTS: u32 = 8;
+
+/// First stack slot of spilled registers.
+pub(crate) const SPILL_SLOT: u32 = TRANSFER_SLOTS;
+
+/// Stack slots of spilled registers.
+pub(crate) const SPILL_SLOTS: u32 = STACK_LINES - TRANSFER_SLOTS;
+
+/// A value and the uop that produced it.
+#[derive(Debug, Clone, Copy)]
+pub struct Value<T, Id> {
+    v: T,
+    id: Id,
+}
+
+/// Host lanes `L` that compute on an arena, and an emitter `E` that takes note.
+pub struct Backend<'a, L: Lanes, E: Emit> {
+    memory: Memory<'a>,
+    emit: E,
+    /// Whether other host threads may add to the same words meanwhile.
+    shared: bool,
+    transfer_slot: u32,
+    lanes: PhantomData<L>,
+}
+
+impl<'a, L: Lanes, E: Emit> Backend<'a, L, E> {
+    /// A hardware thread about to run a task; `shared` when other host threads may add to the same words meanwhile.
+    #[inline(always)]
+    pub fn new(arena: &'a Arena, emit: E, shared: bool) -> Self {
+        Backend { memory: arena.memory(), emit, shared, transfer_slot: 0, lanes: PhantomData }
+    }
+
+    /// What took note.
+    #[inline(always)]
+    pub(crate) fn emitted(&self) -> &E {
+        &self.emit
+    }
+
+    /// `base + 4 * index` of a scalar index.
+    #[inline(always)]
+    fn address(base: Addr, index: i32) -> u64 {
+        base.0.wrapping_add(4 * u64::from(index as u32))
+    }
+
+    /// Lane `lane` of `a`.
+    #[inline(always)]
+    fn lane(a: L::I, lane: u32) -> i32 {
+        L::to_i(a)[lane as usize % LANES]
+    }
+
+    /// The stack line for the next transfer between lanes and scalars.
+    #[inline(always)]
+    fn next_transfer_line(&mut self) -> u32 {
+        self.transfer_slot = (self.transfer_slot + 1) % TRANSFER_SLOTS;
+        STACK_BASE_LINE + self.transfer_slot
+    }
+
+    #[inline(always)]
+    fn constant<T>(&mut self, class: Class, v: T) -> Value<T, E::Id> {
+        let lines = if E::LINES {
+            self.emit.line(CONSTANT_LINE);
+            1
+        } else {
+            0
+        };
+        Value { v, id: self.emit.memory(class, [], lines) }
+    }
+
+    #[inline(always)]
+    fn shuffle(&mut self, a: Value<L::F, E::Id>, index: [i32; LANES]) -> Value<L::F, E::Id> {
+        let v = L::from_bits(L::permute(L::bits(a.v), L::from_i(index)));
+        self.emit.reads([a.id]);
+        Value { v, id: self.emit.alu(Class::VectorShuffle, [a.id]) }
+    }
+
+    #[inline(always)]
+    fn observe(a: Value<L::F, E::Id>) -> Value<L::I, E::Id> {
+        Value { v: L::bits(L::canonical(a.v)), id: a.id }
+    }
+
+    #[inline(always)]
+    fn as_float(a: Value<L::I, E::Id>) -> Value<L::F, E::Id> {
+        Value { v: L::from_bits(a.v), id: a.id }
+    }
+
+    #[inline(always)]
+    fn as_bits(a: Value<L::F, E::Id>) -> Value<L::I, E::Id> {
+        Value { v: L::bits(a.v), id: a.id }
+    }
+}

@@ -1,0 +1,92 @@
+//! Where an access goes: host pointers, checked, and line numbers.
+
+use super::Backend;
+use crate::arena::{Addr, LINE_BYTES, out_of_range};
+use crate::emit::Emit;
+use crate::lanes::Lanes;
+
+impl<L: Lanes, E: Emit> Backend<'_, L, E> {
+    /// Notes the line of a word. A word lies in one line: addresses are multiples of 4.
+    #[inline(always)]
+    pub(super) fn line_of(&mut self, addr: u64) -> u8 {
+        if !E::LINES {
+            return 0;
+        }
+        debug_assert!(addr.is_multiple_of(4), "word at {addr:#x}, which is no multiple of 4");
+        self.emit.line((addr / LINE_BYTES) as u32);
+        1
+    }
+
+    /// Notes the lines of up to 64 consecutive bytes.
+    #[inline(always)]
+    pub(super) fn lines_of(&mut self, addr: u64, bytes: u64) -> u8 {
+        if !E::LINES || bytes == 0 {
+            return 0;
+        }
+        let first = (addr / LINE_BYTES) as u32;
+        let last = ((addr + bytes - 1) / LINE_BYTES) as u32;
+        self.emit.line_or_two(first, last)
+    }
+
+    /// Lines and byte count of the active lanes' span at `addr`.
+    #[inline(always)]
+    pub(super) fn lines_masked(&mut self, k: u16, addr: u64) -> u8 {
+        if !E::LINES || k == 0 {
+            return 0;
+        }
+        let first = 4 * u64::from(k.trailing_zeros());
+        let end = 4 * u64::from(16 - k.leading_zeros());
+        self.lines_of(addr + first, end - first)
+    }
+
+    /// Notes the lines that the active lanes touch, each once, in lane order.
+    #[inline(always)]
+    pub(super) fn lines_indexed(&mut self, k: u16, base: Addr, index: L::I) -> u8 {
+        if !E::LINES {
+            return 0;
+        }
+        let lines = Self::line_numbers(base, index);
+        self.emit.distinct_lines::<L>(k, lines)
+    }
+
+    /// The line of every lane of an indexed access; lanes out of range get some number.
+    #[inline(always)]
+    pub(super) fn line_numbers(base: Addr, index: L::I) -> L::I {
+        // Index and line are added after the shift, where both fit: the arena may hold more than 2^32 words.
+        let words_into_line = (base.0 / 4 % (LINE_BYTES / 4)) as i32;
+        let from_base = L::srl(
+            L::iadd(index, L::splat_i(words_into_line)),
+            L::splat_i((LINE_BYTES / 4).trailing_zeros() as i32),
+        );
+        L::iadd(from_base, L::splat_i(base.line().0 as i32))
+    }
+
+    /// The lanes of an indexed access that lie inside the arena.
+    #[inline(always)]
+    pub(super) fn inside(&self, base: Addr, index: L::I) -> u16 {
+        let room = self.memory.used_bytes().saturating_sub(base.0) / 4;
+        L::ult(index, L::splat_i(room.min(i32::MAX as u64) as i32))
+    }
+
+    /// Host pointer to lane 0 of `k`'s lanes at `addr`; only the active lanes lie inside the arena for sure.
+    #[inline(always)]
+    pub(super) fn masked_pointer(&self, k: u16, addr: u64) -> *mut i32 {
+        if k == 0 {
+            return core::ptr::null_mut();
+        }
+        let first = 4 * u64::from(k.trailing_zeros());
+        let end = 4 * u64::from(16 - k.leading_zeros());
+        self.memory.pointer(addr + first, end - first).wrapping_sub(first as usize).cast()
+    }
+
+    /// Host pointer for the active lanes of an indexed access, each of which must lie inside the arena.
+    #[inline(always)]
+    pub(super) fn indexed_pointer(&self, k: u16, base: Addr, index: L::I) -> *mut i32 {
+        let outside = k & !self.inside(base, index);
+        if outside != 0 {
+            let addr = Self::address(base, Self::lane(index, outside.trailing_zeros()));
+            out_of_range(addr, 4, self.memory.used_bytes());
+        }
+        self.memory.base().wrapping_add(base.0 as usize).cast()
+    }
+}

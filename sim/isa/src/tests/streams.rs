@@ -1,0 +1,104 @@
+//! Streams as a whole.
+
+use super::levels;
+use crate::arena::Arena;
+use crate::examples;
+use crate::host::HostSimd;
+use crate::kernel::{AnyKernel, Kernel};
+use crate::program::{MakeStep, Phase, Program};
+use crate::scan::{self, Scan};
+use crate::stream::Stream;
+use crate::uop::Class;
+use crate::vpu::Vpu;
+
+/// Makes `live` vectors, waits `apart` uops, then adds them up from the youngest on.
+struct Live {
+    live: usize,
+    apart: usize,
+}
+
+impl Kernel for Live {
+    #[inline(always)]
+    fn run<V: Vpu>(&self, v: &mut V, _: V::S32) {
+        let first = v.vset_f32(0.0);
+        let mut made = [first; 40];
+        for slot in &mut made[1..self.live] {
+            *slot = v.vset_f32(1.0);
+        }
+        // Past 32, each value made is charged: those of the sum too, until no more than 32 are live.
+        // Masks and values that nobody reads take no vector register.
+        for _ in 0..self.apart {
+            v.mask_all();
+        }
+        let mut sum = made[self.live - 1];
+        for value in made[..self.live - 1].iter().rev() {
+            sum = v.vadd(sum, *value);
+        }
+        v.bits_of(sum);
+    }
+}
+
+#[test]
+fn vectors_past_the_32nd_are_charged_as_spills() {
+    for apart in [0, 10, 1000] {
+        for (live, spills) in [(31, 0), (32, 0), (33, 1), (40, 8 + 7)] {
+            for simd in levels() {
+                let mut stream = Stream::default();
+                Live { live, apart }.record(simd, &Arena::new(), 0, &mut stream);
+                let counts = stream.count_classes();
+                let charged = (counts[Class::SpillStore as usize], counts[Class::SpillLoad as usize]);
+                assert_eq!(
+                    (stream.live_vectors_max as usize, charged),
+                    (live, (spills, spills)),
+                    "{apart} apart"
+                );
+                let slots = 16 * (2 * live as u64 - 1 + 2 * spills);
+                assert_eq!(stream.lanes_active, slots);
+            }
+        }
+    }
+}
+
+/// Streams of whole programs, frozen: what is recorded must not change with how it is recorded.
+#[test]
+fn recorded_programs_are_the_same_bytes_as_ever() {
+    fn mix(hash: &mut u64, word: u64) {
+        *hash = (*hash ^ word).wrapping_mul(0x0000_0100_0000_01b3).rotate_left(23);
+    }
+    fn hash<S>(mut program: Program<S>, simd: HostSimd) -> u64 {
+        let mut arena = Arena::new();
+        let mut stream = Stream::default();
+        let mut hash = 1;
+        for make_step in program.phases.iter().flat_map(|phase| &phase.steps) {
+            let step = make_step(&mut program.state, &mut arena);
+            for task in 0..step.tasks {
+                stream.clear();
+                step.kernel.record(simd, &arena, task, &mut stream);
+                stream.uops.iter().chain(&stream.lines).for_each(|word| mix(&mut hash, u64::from(*word)));
+                mix(&mut hash, stream.lanes_active);
+                mix(&mut hash, stream.lanes_masked);
+                mix(&mut hash, u64::from(stream.live_vectors_max));
+            }
+        }
+        hash
+    }
+    let scan = || {
+        let make_step = |_: &mut (), arena: &mut Arena| {
+            let words = arena.alloc(scan::padded(5000));
+            Scan::new(arena, words, 5000).blocks()
+        };
+        let steps: Vec<MakeStep<()>> = vec![make_step];
+        Program { state: (), phases: vec![Phase { id: "scan", title: "scan", in_paper_total: false, steps }] }
+    };
+    for simd in levels() {
+        let hashes = [
+            hash(examples::saxpy(5001), simd),
+            hash(examples::histogram(3000, 70), simd),
+            hash(examples::transpose(48, 80), simd),
+            hash(scan(), simd),
+        ];
+        let frozen =
+            [0x9976_ff4d_d553_7b9c, 0x1c87_3619_7292_6f36, 0x9f4e_59fd_47e8_3731, 0x05a5_cf7a_2e10_b832];
+        assert_eq!(hashes, frozen, "{simd}: {hashes:#x?}");
+    }
+}
