@@ -153,10 +153,21 @@ fn a_published_result_is_verified_and_a_change_is_found() {
 #[test]
 fn numbers_of_the_readme_are_published_ones() {
     let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
-    let readme = std::fs::read_to_string(root.join("README.md")).expect("it is there");
+    let mut readme = std::fs::read_to_string(root.join("README.md")).expect("it is there");
     let report =
         std::fs::read(root.join("reports/published/saloon-small/report.json")).expect("it is published");
     let report: lrbsim_reports::RunReport = serde_json::from_slice(&report).expect("its own JSON");
     let table = lrbsim_reports::table::render(&report);
-    assert!(readme.contains(&table), "the table of README.md is not the published one:\n{table}");
+    if std::env::var_os("LRBSIM_UPDATE_GOLDEN").is_some() {
+        let start = readme.find("the table that `lrbsim run` prints").expect("the table has its sentence");
+        let start =
+            start + readme[start..].find("```text\n").expect("the table is fenced") + "```text\n".len();
+        let end = start + readme[start..].find("```").expect("the fence is closed");
+        readme.replace_range(start..end, &table);
+        std::fs::write(root.join("README.md"), &readme).expect("the checkout can be written");
+    }
+    assert!(
+        readme.contains(&table),
+        "the table of README.md is not the published one; run the tests with LRBSIM_UPDATE_GOLDEN=1:\n{table}"
+    );
 }

@@ -2,11 +2,11 @@
 //!
 //! Descends the hierarchy 16 at a time: the groups of a face, then the bins of each group that is touched.
 
-use lrbsim_isa::scan::{self, Scan};
 use lrbsim_isa::{Addr, Arena, Compare, Kernel, Ordering, Step, Vpu};
 
 use super::Frame;
 use super::layout::{CHILDREN, EDGE_WORDS, Layout};
+use super::lists::Lists;
 use super::touch::{Edge, FaceFrame, Touch, Triangle};
 use crate::columns::{lanes_below, take_lane, task_range};
 use crate::plane::{BACK, FACES_SHIFT, FRONT, TRIANGLE_WORDS};
@@ -17,31 +17,33 @@ const TASK: u32 = 64;
 /// How many primitives each bin gets.
 pub fn count(frame: &mut Frame, arena: &mut Arena) -> Step {
     let layout = &mut frame.layout;
-    let lists = 2 * u64::from(layout.bin_count);
-    layout.bin_ends = arena.alloc(16 + scan::padded(lists)).plus(64);
-    frame.scan = Scan::new(arena, layout.bin_ends, lists);
-    step("bin counts", Ordering::Independent, layout, false)
+    let tasks = tasks(layout).iter().sum();
+    (layout.bin_lists, frame.scan) = Lists::new(arena, 2 * layout.bin_count, tasks, layout.bin_count);
+    step("bin counts", Ordering::Ordered, layout, false)
 }
 
 /// The primitives themselves.
 pub fn fill(frame: &mut Frame, arena: &mut Arena) -> Step {
     let layout = &mut frame.layout;
-    let total = arena.read_u32(layout.bin_ends.plus(8 * u64::from(layout.bin_count)));
-    layout.bin_lists = arena.alloc(u64::from(total));
-    step("bin lists", Ordering::Ordered, layout, true)
+    let total = arena.read_u32(layout.bin_lists.starts.plus(8 * u64::from(layout.bin_count)));
+    layout.bin_items = arena.alloc(u64::from(total));
+    step("bin lists", Ordering::Independent, layout, true)
 }
 
 fn step(name: &'static str, ordering: Ordering, layout: &Layout, fill: bool) -> Step {
-    let edges = if layout.is_soft() { layout.silhouette_count } else { 0 };
-    let triangle_tasks = layout.triangle_count.div_ceil(TASK);
-    let kernel = Bin { layout: *layout, triangle_tasks, edges, fill };
-    Step { name, ordering, tasks: triangle_tasks + edges.div_ceil(TASK), kernel: Box::new(kernel) }
+    let [triangle_tasks, edge_tasks] = tasks(layout);
+    let kernel = Bin { layout: *layout, triangle_tasks, fill };
+    Step { name, ordering, tasks: triangle_tasks + edge_tasks, kernel: Box::new(kernel) }
+}
+
+/// Tasks of the triangles and of the edges. A point light has no silhouettes.
+fn tasks(layout: &Layout) -> [u32; 2] {
+    [layout.triangle_count.div_ceil(TASK), layout.silhouette_count.div_ceil(TASK)]
 }
 
 struct Bin {
     layout: Layout,
     triangle_tasks: u32,
-    edges: u32,
     fill: bool,
 }
 
@@ -51,7 +53,8 @@ impl Kernel for Bin {
         let layout = &self.layout;
         let triangle_tasks = v.s_imm(self.triangle_tasks as i32);
         let one = v.s_imm(1);
-        if v.branch(Compare::Less, task, triangle_tasks) {
+        let table = layout.bin_lists.table(v, task);
+        let first_list = if v.branch(Compare::Less, task, triangle_tasks) {
             let (mut i, end) = task_range(v, task, TASK, layout.triangle_count);
             let words = v.s_imm(TRIANGLE_WORDS as i32);
             let layers = v.s_imm(FRONT | BACK);
@@ -63,28 +66,35 @@ impl Kernel for Bin {
                 if v.branch(Compare::NotEqual, counted, none) {
                     let shift = v.s_imm(FACES_SHIFT);
                     let faces = v.s_shr(flags, shift);
-                    self.descend::<V, Triangle<V>>(v, (layout.triangle_records, index), faces, i, 0);
+                    let record = (layout.triangle_records, index);
+                    self.descend::<V, Triangle<V>>(v, record, faces, i, table, 0);
                 }
                 i = v.s_add(i, one);
             }
+            0
         } else {
             let task = v.s_sub(task, triangle_tasks);
-            let (mut i, end) = task_range(v, task, TASK, self.edges);
+            let (mut i, end) = task_range(v, task, TASK, layout.silhouette_count);
             let words = v.s_imm(EDGE_WORDS as i32);
             while v.branch(Compare::Less, i, end) {
                 let index = v.s_mul(i, words);
                 let faces = v.s_load(layout.edge_records.plus(52), index);
                 let record = (layout.edge_records, index);
-                self.descend::<V, Edge<V>>(v, record, faces, i, layout.bin_count);
+                self.descend::<V, Edge<V>>(v, record, faces, i, table, layout.bin_count);
                 i = v.s_add(i, one);
             }
+            layout.bin_count
+        };
+        if !self.fill {
+            let first_list = v.s_imm(first_list as i32);
+            layout.bin_lists.publish(v, table, first_list);
         }
     }
 }
 
 impl Bin {
-    /// Adds primitive `number`, whose record is given, to the bins of `faces` (a bit each) that it touches, whose lists
-    /// begin at `first_list`.
+    /// Adds primitive `number`, whose record is given, to the bins of `faces` (a bit each) that it touches. Their lists
+    /// begin at `first_list`, the task's table at `table`.
     #[inline(always)]
     fn descend<V: Vpu, P: Touch<V>>(
         &self,
@@ -92,6 +102,7 @@ impl Bin {
         (records, index): (Addr, V::S32),
         faces: V::S32,
         number: V::S32,
+        table: V::S32,
         first_list: u32,
     ) {
         let layout = &self.layout;
@@ -118,32 +129,20 @@ impl Bin {
                     let bin = v.s_shl(child, four);
                     let (touched, _) = primitive.touch(v, layout.bins, bin);
                     if v.branch_any(touched) {
-                        let lists = layout.bin_ends.plus(4 * u64::from(first_list));
-                        self.add(v, touched, lists, bin, number);
+                        let at = v.s_add(table, bin);
+                        if self.fill {
+                            let first_list = v.s_imm(first_list as i32);
+                            let list = v.s_add(first_list, bin);
+                            let to = layout.bin_lists.place(v, touched, at, list);
+                            let number = v.vsplat(number);
+                            v.vscatter_i32(touched, layout.bin_items, to, number);
+                        } else {
+                            layout.bin_lists.add(v, touched, at);
+                        }
                     }
                 }
                 group = v.s_add(group, sixteen);
             }
         }
     }
-
-    /// Counts the primitive in 16 consecutive lists, or adds it to them.
-    #[inline(always)]
-    fn add<V: Vpu>(&self, v: &mut V, live: V::Mask, lists: Addr, first: V::S32, number: V::S32) {
-        let at = append(v, live, lists, first);
-        if self.fill {
-            let number = v.vsplat(number);
-            v.vscatter_i32(live, self.layout.bin_lists, at, number);
-        }
-    }
-}
-
-/// Adds one to 16 consecutive counters; what they were before.
-#[inline(always)]
-pub fn append<V: Vpu>(v: &mut V, live: V::Mask, counters: Addr, first: V::S32) -> V::I32 {
-    let lane = v.viota();
-    let base = v.vsplat(first);
-    let counter = v.viadd(base, lane);
-    let one = v.vset_i32(1);
-    v.vatomic_add_or(lane, live, counters, counter, one)
 }

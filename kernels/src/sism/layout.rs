@@ -3,6 +3,7 @@
 use lrbsim_isa::{Addr, Arena};
 use lrbsim_workloads::{Counting, ShadowInput};
 
+use super::lists::Lists;
 use crate::columns::Columns;
 use crate::light::Disc;
 use crate::plane::TRIANGLE_WORDS;
@@ -164,19 +165,19 @@ pub struct Layout {
     /// Groups of 16 bins.
     pub groups: Columns,
 
-    /// One past the end of each bin's list: triangles of all bins, then edges of all bins.
-    pub bin_ends: Addr,
-    /// The lists of the bins.
-    pub bin_lists: Addr,
+    /// Lists of the bins: triangles of all bins, then edges of all bins.
+    pub bin_lists: Lists,
+    /// What is in them: primitives.
+    pub bin_items: Addr,
     /// Pieces of bin lists that tasks of `raster` take: bin, first, end.
     pub raster_tasks: Columns,
     /// Number of triangle pieces; number of all pieces; cursors.
     pub raster_counters: Addr,
     /// Number of pieces.
     pub raster_task_count: u32,
-    /// One past the end of each cell's records: triangles of all cells, then edges of all cells.
-    pub cell_ends: Addr,
-    /// Records: primitive, least depth it can reach.
+    /// Lists of the cells: records of triangles of all cells, then of edges of all cells.
+    pub cell_lists: Lists,
+    /// What is in them: records: primitive, least depth it can reach.
     pub records: Addr,
 
     /// Counters of the pieces of `hard` and `soft`.
@@ -278,12 +279,12 @@ impl Layout {
             blocks: empty,
             bins: empty,
             groups: empty,
-            bin_ends: Addr(0),
-            bin_lists: Addr(0),
+            bin_lists: Lists::default(),
+            bin_items: Addr(0),
             raster_tasks: empty,
             raster_counters: arena.alloc(16),
             raster_task_count: 0,
-            cell_ends: Addr(0),
+            cell_lists: Lists::default(),
             records: Addr(0),
             run_counters: arena.alloc(64),
             block_pieces: empty,

@@ -17,6 +17,7 @@ pub mod grid;
 mod streaks;
 mod nodes;
 pub mod touch;
+pub mod lists;
 pub mod bin;
 pub mod raster;
 mod run;

@@ -7,12 +7,11 @@
 //! pieces ─► count ─► scan ─► fill ─► run pieces      a piece is at most 64 primitives of one bin
 //! ```
 
-use lrbsim_isa::scan::{self, Scan};
 use lrbsim_isa::{Addr, Arena, Compare, Kernel, Ordering, Step, Vpu};
 
 use super::Frame;
-use super::bin::append;
-use super::layout::{EDGE_WORDS, FACES, Layout, SLICES};
+use super::layout::{BIN_CELLS, EDGE_WORDS, FACES, Layout, SLICES};
+use super::lists::Lists;
 use super::touch::{Edge, FaceFrame, Touch, Triangle};
 use crate::columns::{Columns, lower, take_lane, task_range};
 use crate::plane::TRIANGLE_WORDS;
@@ -45,18 +44,17 @@ pub fn fill_pieces(frame: &mut Frame, arena: &mut Arena) -> Step {
 /// How many records each cell gets.
 pub fn count(frame: &mut Frame, arena: &mut Arena) -> Step {
     let layout = &mut frame.layout;
-    let lists = 2 * u64::from(layout.cell_count());
-    layout.cell_ends = arena.alloc(16 + scan::padded(lists)).plus(64);
-    frame.scan = Scan::new(arena, layout.cell_ends, lists);
-    raster_step("record counts", Ordering::Independent, layout, false)
+    (layout.cell_lists, frame.scan) =
+        Lists::new(arena, 2 * layout.cell_count(), layout.raster_task_count, BIN_CELLS);
+    raster_step("record counts", Ordering::Ordered, layout, false)
 }
 
 /// The records themselves.
 pub fn fill(frame: &mut Frame, arena: &mut Arena) -> Step {
     let layout = &mut frame.layout;
-    let total = arena.read_u32(layout.cell_ends.plus(8 * u64::from(layout.cell_count())));
+    let total = arena.read_u32(layout.cell_lists.starts.plus(8 * u64::from(layout.cell_count())));
     layout.records = arena.alloc(2 * u64::from(total));
-    raster_step("records", Ordering::Ordered, layout, true)
+    raster_step("records", Ordering::Independent, layout, true)
 }
 
 /// How many runs the samples are split into, for equal work.
@@ -116,10 +114,10 @@ impl Kernel for Pieces {
         let round_up = v.s_imm((1 << PIECE_LOG2) - 1);
         let log2 = v.s_imm(PIECE_LOG2);
         let (mut list, end) = task_range(v, task, LISTS, 2 * layout.bin_count);
-        let before = Addr(layout.bin_ends.0 - 4);
+        let starts = layout.bin_lists.starts;
         while v.branch(Compare::Less, list, end) {
-            let mut first = v.s_load(before, list);
-            let last = v.s_load(layout.bin_ends, list);
+            let mut first = v.s_load(starts, list);
+            let last = v.s_load(starts.plus(4), list);
             let items = v.s_sub(last, first);
             let pieces = v.s_add(items, round_up);
             let pieces = v.s_shr(pieces, log2);
@@ -161,25 +159,32 @@ impl Kernel for Raster {
         let of_triangles = v.branch(Compare::Less, list, bins);
         let bin = if of_triangles { list } else { v.s_sub(list, bins) };
         let face = v.s_load(layout.bin_table.column(0), bin);
+        let eight = v.s_imm(8);
+        let cell_list = v.s_shl(list, eight);
+        let table = layout.cell_lists.table(v, task);
         for (i, grid) in layout.faces[..layout.face_count as usize].iter().enumerate() {
             let number = v.s_imm(grid.face as i32);
             if v.branch(Compare::Equal, face, number) {
                 let frame = self.frames[i];
                 if of_triangles {
                     let records = (layout.triangle_records, TRIANGLE_WORDS);
-                    self.piece::<V, Triangle<V>>(v, frame, records, 0, bin, first, end);
+                    self.piece::<V, Triangle<V>>(v, frame, records, bin, first, end, (table, cell_list));
                 } else {
                     let records = (layout.edge_records, EDGE_WORDS);
-                    self.piece::<V, Edge<V>>(v, frame, records, layout.cell_count(), bin, first, end);
+                    self.piece::<V, Edge<V>>(v, frame, records, bin, first, end, (table, cell_list));
                 }
-                return;
+                break;
             }
+        }
+        if !self.fill {
+            layout.cell_lists.publish(v, table, cell_list);
         }
     }
 }
 
 impl Raster {
-    /// Rasters primitives `first..end` of the bin lists over the blocks and cells of `bin`.
+    /// Rasters primitives `first..end` of the bin lists over the blocks and cells of `bin`, which begin at `table` in the
+    /// task's table and at `cell_list` in the lists of the cells.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "one call site; the arguments are the piece")]
     fn piece<V: Vpu, P: Touch<V>>(
@@ -187,37 +192,41 @@ impl Raster {
         v: &mut V,
         frame: FaceFrame,
         (records, words): (Addr, u32),
-        first_list: u32,
         bin: V::S32,
         first: V::S32,
         end: V::S32,
+        (table, cell_list): (V::S32, V::S32),
     ) {
         let layout = &self.layout;
         let one = v.s_imm(1);
         let none = v.s_imm(0);
         let four = v.s_imm(4);
         let words = v.s_imm(words as i32);
-        let lists = layout.cell_ends.plus(4 * u64::from(first_list));
         let first_block = v.s_shl(bin, four);
+        let first_cell = v.s_shl(first_block, four);
         let mut i = first;
         while v.branch(Compare::Less, i, end) {
-            let number = v.s_load(layout.bin_lists, i);
+            let number = v.s_load(layout.bin_items, i);
             let index = v.s_mul(number, words);
             let primitive = P::set_up(v, &layout.light, frame, records, index);
             let (touched, _) = primitive.touch(v, layout.blocks, first_block);
             let mut bits = v.kmov_to_scalar(touched);
             while v.branch(Compare::NotEqual, bits, none) {
                 let lane = take_lane(v, &mut bits);
-                let block = v.s_add(first_block, lane);
-                let cell = v.s_shl(block, four);
+                let in_bin = v.s_shl(lane, four);
+                let cell = v.s_add(first_cell, in_bin);
                 let (touched, start) = primitive.touch(v, layout.cells, cell);
                 if v.branch_any(touched) {
-                    let at = append(v, touched, lists, cell);
+                    let at = v.s_add(table, in_bin);
                     if self.fill {
-                        let pair = v.viadd(at, at);
+                        let list = v.s_add(cell_list, in_bin);
+                        let to = layout.cell_lists.place(v, touched, at, list);
+                        let pair = v.viadd(to, to);
                         let number = v.vsplat(number);
                         v.vscatter_i32(touched, layout.records, pair, number);
                         v.vscatter_f32(touched, layout.records.plus(4), pair, start);
+                    } else {
+                        layout.cell_lists.add(v, touched, at);
                     }
                 }
             }
@@ -277,9 +286,9 @@ impl Kernel for CountRuns {
             let vectors = cell_vectors(v, layout, first_cell);
             let vector_count = sum(v, vectors);
             for kind in 0..2u32 {
-                let lists = layout.cell_ends.plus(4 * u64::from(kind * layout.cell_count()));
-                let record_end = v.vload_i32(lists, first_cell);
-                let record_first = v.vload_i32(Addr(lists.0 - 4), first_cell);
+                let starts = layout.cell_lists.starts.plus(4 * u64::from(kind * layout.cell_count()));
+                let record_first = v.vload_i32(starts, first_cell);
+                let record_end = v.vload_i32(starts.plus(4), first_cell);
                 let records = v.visub(record_end, record_first);
                 let tests = v.vimul(vectors, records);
                 let tests = sum(v, tests);

@@ -3,7 +3,7 @@
 //! A task owns the samples of its run, so that sums need no atomics and repeat bit for bit. Cell by cell it takes 16
 //! samples at a time and walks all records of the cell; a record that begins deeper than all 16 is skipped.
 
-use lrbsim_isa::{Addr, Compare, Vpu, math};
+use lrbsim_isa::{Compare, Vpu, math};
 
 use super::layout::{Layout, POSITION, SLICES};
 use super::raster::{cell_vectors, sum};
@@ -66,8 +66,7 @@ pub fn walk<V: Vpu>(
     let stride = v.s_imm(layout.samples.stride() as i32);
     let depths = v.s_mul(axis, stride);
 
-    let lists = layout.cell_ends.plus(4 * u64::from(kind * layout.cell_count()));
-    let before_list = Addr(lists.0 - 4);
+    let lists = layout.cell_lists.starts.plus(4 * u64::from(kind * layout.cell_count()));
     let next_cell = layout.key_starts.plus(4 * u64::from(SLICES));
     let mut seen = zero;
     for number in 0..16 {
@@ -88,8 +87,8 @@ pub fn walk<V: Vpu>(
         if v.branch(Compare::LessEqual, end, cell_first) {
             break;
         }
-        let record_first = v.s_load(before_list, cell);
-        let record_end = v.s_load(lists, cell);
+        let record_first = v.s_load(lists, cell);
+        let record_end = v.s_load(lists.plus(4), cell);
         if v.branch(Compare::Equal, record_first, record_end) {
             continue;
         }

@@ -131,6 +131,14 @@ impl Tags {
         None
     }
 
+    /// Asks the host for the set of `line`.
+    #[inline(always)]
+    pub(crate) fn prefetch(&self, line: u32) {
+        if let Some(group) = self.groups.get(self.first_group(line)) {
+            lrbsim_isa::host::prefetch(group);
+        }
+    }
+
     /// Marks a slot as used.
     #[inline(always)]
     pub(crate) fn touch(&mut self, slot: Slot) {

@@ -218,6 +218,13 @@ impl Hierarchy {
         Ok(Access { ready, cause, missed: true })
     }
 
+    /// Asks the host for what an access to `line` that misses will look at.
+    #[inline(always)]
+    pub(crate) fn prefetch(&self, core: usize, line: u32) {
+        self.directory.prefetch(line);
+        self.caches[core].l2.prefetch(line);
+    }
+
     /// Has the streamer see an access to the L2, and fetches what it wants as far as MSHRs go.
     fn run_ahead(&mut self, core: usize, line: u32, missed: bool, mshrs_spared: usize, now: Cycle) {
         let Some(stream) = self.caches[core].prefetcher.observe(line, missed) else { return };

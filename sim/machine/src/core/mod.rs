@@ -290,6 +290,11 @@ impl Thread {
         let row = tables.rows[(uop & 0xff) as usize];
         let lines = uop >> 24;
         let walk = Walk::new(self.pc - 1, row, lines, now);
+        // What its lines and the next two will look at is far apart, and seldom in the host's caches.
+        let ahead = self.line_pc + lines as usize + 2;
+        if let Some(lines) = self.stream.lines.get(self.line_pc + 1..ahead) {
+            lines.iter().for_each(|line| hierarchy.prefetch(core, *line));
+        }
         let until = if tables.stepwise { now } else { Cycle::MAX };
         *hold = (*hold).max(self.advance_walk(tables, hierarchy, core, walk, until));
     }
