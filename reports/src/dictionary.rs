@@ -17,7 +17,9 @@ pub struct Entry {
 }
 
 /// Units by the last name of a path; the first that fits. `*` stands for anything.
-const UNITS: [(&str, &str); 32] = [
+const UNITS: [(&str, &str); 34] = [
+    ("*_percent", "%"),
+    ("*_overhead", "1"),
     ("*cycle_stack.*", "core-cycles"),
     ("*core_busy_cycles[]", "cycles"),
     ("*paired_core_cycles", "core-cycles"),
