@@ -22,7 +22,9 @@ fn rows_that_have_to_be_met_are_met_and_windowed_is_within_3_percent_of_cycle() 
     let (windowed, cycle) = (must_pass(Fidelity::Windowed), must_pass(Fidelity::Cycle));
     assert_eq!(windowed.rows.len(), 30);
     for (fast, exact) in windowed.rows.iter().zip(&cycle.rows) {
-        let (Some(a), Some(b)) = (fast.simulated, exact.simulated) else { panic!("`{}` is not expressed", fast.id) };
+        let (Some(a), Some(b)) = (fast.simulated, exact.simulated) else {
+            panic!("`{}` is not expressed", fast.id)
+        };
         let apart = (a / b - 1.0) * 100.0;
         println!("{}: published {} windowed {a:.3} cycle {b:.3} ({apart:+.1} %)", fast.id, fast.published);
         assert!(fast.ok, "{}: {a} is not within {} and {}", fast.id, fast.low, fast.high);
@@ -97,9 +99,11 @@ fn ids_with_any_number_are_expressed_on_any_machine() {
             r#"{{"id": "{id}", "unit": "GB/s", "value": 1, "low": 0, "high": 1000, "confidence": "low", "part": "any"}}"#
         )
     };
-    let ids = ["bw.mem.read.t7", "lat.geom.l1.5x8k", "gather.l1.lines03", "lat.size.96k", "bw.mem.read.t9999"];
+    let ids =
+        ["bw.mem.read.t7", "lat.geom.l1.5x8k", "gather.l1.lines03", "lat.size.96k", "bw.mem.read.t9999"];
     let rows: Vec<String> = ids.map(row).into();
-    folder.write("t.json", &format!(r#"{{"parts": {{}}, "must_pass": [], "targets": [{}]}}"#, rows.join(",")));
+    folder
+        .write("t.json", &format!(r#"{{"parts": {{}}, "must_pass": [], "targets": [{}]}}"#, rows.join(",")));
     let text = folder.run(&["validate", "-m", "larrabee-24", "--targets", "t.json", "--json"]).ok().stdout();
     let value: serde_json::Value = serde_json::from_str(&text).expect("JSON");
     let simulated: Vec<bool> =
