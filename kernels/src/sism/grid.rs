@@ -11,7 +11,7 @@ use lrbsim_isa::{Addr, Arena, Ordering, Step, Vpu, math};
 use super::Frame;
 use super::bounds::BOUNDS;
 use super::layout::{BIN_CELLS, FACES, FaceGrid, Layout, POSITION, SLICES};
-use super::streaks::{COLUMN_GROUPS, Count, Scatter};
+use super::streaks::{self, Count, STREAKS_TASK, Scatter};
 use crate::columns::Columns;
 use crate::plane::Vec3;
 
@@ -54,7 +54,8 @@ pub fn count(frame: &mut Frame, arena: &mut Arena) -> Step {
     let keys = u64::from(layout.cell_count() * SLICES);
     layout.key_starts = arena.alloc(scan::padded(keys));
     frame.scan = Scan::new(arena, layout.key_starts, keys);
-    layout.streaks = Columns::new(arena, 2, layout.receiver_count);
+    let streaks = layout.receiver_tasks() * STREAKS_TASK;
+    layout.streaks = Columns::new(arena, streaks::COLUMNS, streaks);
     layout.streak_totals = arena.alloc(u64::from(layout.receiver_tasks()));
     layout.streak_lanes = arena.alloc(u64::from(layout.receiver_count.div_ceil(16)));
     Step {
@@ -72,7 +73,7 @@ pub fn scatter(frame: &mut Frame, arena: &mut Arena) -> Step {
     Step {
         name: "scatter",
         ordering: Ordering::Independent,
-        tasks: COLUMN_GROUPS * layout.receiver_tasks(),
+        tasks: layout.receiver_tasks(),
         kernel: Box::new(Scatter(*layout)),
     }
 }

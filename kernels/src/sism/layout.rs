@@ -150,7 +150,7 @@ pub struct Layout {
     pub streaks: Columns,
     /// Number of streaks of each task.
     pub streak_totals: Addr,
-    /// By vector of receivers: lanes whose streak ended with the vector before.
+    /// By vector of receivers: lanes in which a streak begins.
     pub streak_lanes: Addr,
     /// First sample of each key, `cell << 2 | slice`; one more than there are keys.
     pub key_starts: Addr,
@@ -221,7 +221,7 @@ impl Layout {
         let edge_faces = arena.alloc(input.edge_faces.len() as u64);
         fill(arena, edge_faces, input.edge_faces.iter().copied());
 
-        let order = lane_order(input);
+        let order = curve_order(input);
         let receivers = Columns::new(arena, RECEIVER_COLUMNS, receiver_count);
         for axis in 0..3 {
             let values = order.iter().map(|&i| input.receivers[i as usize][axis].to_bits());
@@ -334,24 +334,16 @@ fn fill(arena: &mut Arena, to: Addr, values: impl Iterator<Item = u32>) {
     }
 }
 
-/// Order in which the eye view leaves its receivers: along a Hilbert curve through the picture, and of each
-/// [`RECEIVERS_TASK`] of them a sixteenth to each lane.
-///
-/// So a lane walks through neighbors, which share cells: it counts and moves them streak by streak. The lanes of a vector are
-/// far enough apart that they seldom meet in a cell.
-fn lane_order(input: &ShadowInput) -> Vec<u32> {
+/// Order in which the eye view leaves its receivers: along a Hilbert curve through the picture, so that receivers that
+/// follow one another share cells.
+fn curve_order(input: &ShadowInput) -> Vec<u32> {
     let side = input.width.max(input.height).next_power_of_two();
-    let mut curve: Vec<u32> = (0..input.receivers.len() as u32).collect();
-    curve.sort_by_cached_key(|&i| {
+    let mut order: Vec<u32> = (0..input.receivers.len() as u32).collect();
+    order.sort_by_cached_key(|&i| {
         let pixel = input.receiver_pixel[i as usize];
         hilbert(side, pixel % input.width, pixel / input.width)
     });
-    let in_lanes = |chunk: &[u32]| -> Vec<u32> {
-        let (each, longer) = (chunk.len() / 16, chunk.len() % 16);
-        let first = |lane: usize| lane * each + lane.min(longer);
-        (0..chunk.len()).map(|i| chunk[first(i % 16) + i / 16]).collect()
-    };
-    curve.chunks(RECEIVERS_TASK as usize).flat_map(in_lanes).collect()
+    order
 }
 
 /// Place of a pixel on the Hilbert curve through a square; `side` is a power of two.

@@ -121,7 +121,7 @@ impl Hierarchy {
 
     /// A hit in L1 at `now`.
     #[inline(always)]
-    fn hit(&self, now: Cycle) -> Access {
+    pub(crate) fn hit(&self, now: Cycle) -> Access {
         Access { ready: now + self.spec.l1d.hit_cycles, cause: Cause::L1, missed: false }
     }
 

@@ -56,7 +56,6 @@ impl When {
 /// What does not change while a core runs.
 pub(crate) struct CoreTables {
     rows: Box<[Row; 256]>,
-    dual_issue: bool,
     issue_interval: Cycle,
     blocks_on_l1_miss: bool,
     gather_interval_x256: u64,
@@ -71,7 +70,6 @@ impl CoreTables {
     pub(crate) fn new(spec: &MachineSpec, stepwise: bool) -> CoreTables {
         CoreTables {
             rows: table(spec),
-            dual_issue: spec.core.dual_issue,
             issue_interval: spec.core.issue_interval,
             blocks_on_l1_miss: spec.core.blocks_on_l1_miss,
             gather_interval_x256: spec.core.gather_interval_x256,
@@ -199,12 +197,10 @@ impl Thread {
             let second = self.stream.uops[self.pc];
             let second_row = tables.rows[(second & 0xff) as usize];
             let mut sources = self.sources(second, second_row);
-            if tables.dual_issue
-                && row.uses & second_row.uses == 0
+            if row.pairs_with(second_row)
                 && sources.at() <= now
                 && hold == free
                 && self.state == State::Running
-                && !matches!(row.kind, Kind::Branch)
             {
                 self.execute(tables, hierarchy, core, now, second, second_row, &mut hold);
                 uops = 2;
@@ -233,7 +229,7 @@ impl Thread {
         let place = |distance: u32| self.pc.wrapping_sub(distance as usize) % 256;
         let a = self.ready[place(uop >> 8 & 0xff)];
         let b = self.ready[place(uop >> 16 & 0xff)];
-        let c = self.ready[place(uop >> 24 & u32::from(row.third_producer))];
+        let c = self.ready[place(uop >> 24 & row.third_producer())];
         a.max(b).max(c)
     }
 
@@ -255,25 +251,27 @@ impl Thread {
     ) {
         let place = self.pc % 256;
         self.pc += 1;
-        match row.kind {
-            Kind::Compute => self.ready[place] = When::new(now + row.latency(), Cause::Dependency),
-            Kind::Branch => {
-                self.ready[place] = When::new(now + 1, Cause::Dependency);
-                *hold = (*hold).max(When::new(now + row.latency(), Cause::Dependency));
-            }
-            Kind::Access(intent) if uop >> 24 == 1 => {
-                // The common case: one line, and the L1 has it.
-                let line = self.stream.lines[self.line_pc];
-                let write = intent != crate::cache::Intent::Read;
-                if hierarchy.l1_hit(core, line, write).is_ok() {
-                    self.line_pc += 1;
-                    self.ready[place] = When::new(now + row.latency(), Cause::L1);
-                } else {
-                    self.start_walk(tables, hierarchy, core, now, uop, hold);
-                }
-            }
-            _ => self.start_walk(tables, hierarchy, core, now, uop, hold),
+        if row.is_compute() {
+            self.ready[place] = When::new(now + row.latency(), Cause::Dependency);
+            return;
         }
+        if row.is_branch() {
+            self.ready[place] = When::new(now + 1, Cause::Dependency);
+            *hold = (*hold).max(When::new(now + row.latency(), Cause::Dependency));
+            return;
+        }
+        if let Some(write) = row.access_writes()
+            && uop >> 24 == 1
+        {
+            // The common case: one line, and the L1 has it.
+            let line = self.stream.lines[self.line_pc];
+            if hierarchy.l1_hit(core, line, write).is_ok() {
+                self.line_pc += 1;
+                self.ready[place] = When::new(now + row.latency(), Cause::L1);
+                return;
+            }
+        }
+        self.start_walk(tables, hierarchy, core, now, uop, hold);
     }
 
     /// Starts handing the lines of a memory uop to the caches.
@@ -290,11 +288,6 @@ impl Thread {
         let row = tables.rows[(uop & 0xff) as usize];
         let lines = uop >> 24;
         let walk = Walk::new(self.pc - 1, row, lines, now);
-        // What its lines and the next two will look at is far apart, and seldom in the host's caches.
-        let ahead = self.line_pc + lines as usize + 2;
-        if let Some(lines) = self.stream.lines.get(self.line_pc + 1..ahead) {
-            lines.iter().for_each(|line| hierarchy.prefetch(core, *line));
-        }
         let until = if tables.stepwise { now } else { Cycle::MAX };
         *hold = (*hold).max(self.advance_walk(tables, hierarchy, core, walk, until));
     }

@@ -35,24 +35,83 @@ pub(super) const STORE_PORT: u8 = 4;
 const BRANCH_UNIT: u8 = 8;
 
 /// One row, in one word of the host.
+///
+/// ```text
+/// bits  0..32  latency
+///      32..40  0xff where the last byte of the uop is a distance, 0 where it counts lines
+///      40..48  what it uses; bit 7 always
+///      48..56  what a uop that pairs with it must not use
+///      56..64  place in KINDS
+/// ```
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Row {
-    latency: u32,
-    /// `0xff` where the last byte of the uop is a distance, 0 where it counts lines.
-    pub(super) third_producer: u8,
-    pub(super) uses: u8,
-    pub(super) kind: Kind,
-}
+pub(super) struct Row(u64);
 
-const _: () = assert!(size_of::<Row>() == 8);
+/// Of every uop: whoever excludes it pairs with none.
+const ANYTHING: u8 = 128;
+
+const KINDS: [Kind; 13] = [
+    Kind::Compute,
+    Kind::Branch,
+    Kind::Access(Intent::Read),
+    Kind::Access(Intent::Write),
+    Kind::Access(Intent::Stream),
+    Kind::Gather(Intent::Read),
+    Kind::Gather(Intent::Write),
+    Kind::PrefetchL1,
+    Kind::PrefetchL2,
+    Kind::GatherPrefetch,
+    Kind::Atomic,
+    Kind::Spill(Intent::Read),
+    Kind::Spill(Intent::Write),
+];
 
 impl Row {
     /// Of no uop.
-    pub(super) const NONE: Row = Row { latency: 1, third_producer: 0, uses: PIPE_U, kind: Kind::Compute };
+    pub(super) const NONE: Row = Row::new(1, 0, PIPE_U, PIPE_U, 0);
+
+    const fn new(latency: u32, third_producer: u8, uses: u8, excludes: u8, kind: usize) -> Row {
+        let bytes =
+            (kind as u32) << 24 | (excludes as u32) << 16 | (uses as u32) << 8 | third_producer as u32;
+        Row((bytes as u64) << 32 | latency as u64)
+    }
 
     #[inline(always)]
     pub(super) fn latency(self) -> Cycle {
-        Cycle::from(self.latency)
+        self.0 & 0xffff_ffff
+    }
+
+    /// What the last byte of a uop is taken with to give a distance.
+    #[inline(always)]
+    pub(super) fn third_producer(self) -> u32 {
+        (self.0 >> 32) as u32 & 0xff
+    }
+
+    /// Whether `second` may issue in the same cycle, behind this one.
+    #[inline(always)]
+    pub(super) fn pairs_with(self, second: Row) -> bool {
+        self.0 >> 8 & second.0 & 0xff << 40 == 0
+    }
+
+    #[inline(always)]
+    pub(super) fn kind(self) -> Kind {
+        KINDS[(self.0 >> 56) as usize]
+    }
+
+    #[inline(always)]
+    pub(super) fn is_compute(self) -> bool {
+        self.0 >> 56 == 0
+    }
+
+    #[inline(always)]
+    pub(super) fn is_branch(self) -> bool {
+        self.0 >> 56 == 1
+    }
+
+    /// Of a load or store of neighbors: whether it writes.
+    #[inline(always)]
+    pub(super) fn access_writes(self) -> Option<bool> {
+        let place = self.0 >> 56;
+        (place.wrapping_sub(2) < 3).then_some(place != 2)
     }
 }
 
@@ -100,5 +159,10 @@ fn row(spec: &MachineSpec, class: Class) -> Row {
         Class::SpillLoad => (hit, LOAD_PORT, Spill(Read)),
     };
     let latency = u32::try_from(latency).expect("validated: a latency is far below 2^32 cycles");
-    Row { latency, third_producer: if class.is_memory() { 0 } else { 0xff }, uses, kind }
+    let third_producer = if class.is_memory() { 0 } else { 0xff };
+    // Behind a branch, and on a core of one pipe, nothing pairs.
+    let alone = kind == Branch || !core.dual_issue;
+    let excludes = if alone { uses | ANYTHING } else { uses };
+    let place = KINDS.iter().position(|known| *known == kind).expect("every kind has its place");
+    Row::new(latency, third_producer, uses | ANYTHING, excludes, place)
 }

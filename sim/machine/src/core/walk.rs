@@ -58,7 +58,7 @@ impl Thread {
         mut walk: Walk,
         until: Cycle,
     ) -> When {
-        let kind = walk.row.kind;
+        let kind = walk.row.kind();
         let (data, interval_x256) = match kind {
             Kind::Gather(intent) => (Some(intent), tables.gather_interval_x256),
             Kind::GatherPrefetch => (None, tables.gather_interval_x256),
@@ -74,7 +74,10 @@ impl Thread {
             }
             let line = self.next_line(kind);
             let accessed = match data {
-                Some(intent) => load_or_store(hierarchy, core, line, intent, walk.due),
+                Some(intent) => {
+                    let next = self.stream.lines.get(self.line_pc + 1..self.line_pc + 3);
+                    load_or_store(hierarchy, core, line, intent, walk.due, next)
+                }
                 None => special(hierarchy, tables, core, line, kind, walk.due),
             };
             match accessed {
@@ -122,7 +125,7 @@ impl Thread {
     }
 }
 
-/// One line of a load, a store, a gather or a scatter.
+/// One line of a load, a store, a gather or a scatter; `next` come after it in the stream.
 #[inline(always)]
 fn load_or_store(
     hierarchy: &mut Hierarchy,
@@ -130,8 +133,19 @@ fn load_or_store(
     line: u32,
     intent: Intent,
     now: Cycle,
+    next: Option<&[u32]>,
 ) -> Result<Access, Cycle> {
-    let mut access = hierarchy.access(core, line, intent, now)?;
+    let mut access = match hierarchy.l1_hit(core, line, intent != Intent::Read) {
+        Ok(()) => hierarchy.hit(now),
+        Err(slot) => {
+            // Where one line misses the next often do: the host fetches what they will need while it works on this one.
+            if let Some(&[one, two]) = next {
+                hierarchy.prefetch(core, one);
+                hierarchy.prefetch(core, two);
+            }
+            hierarchy.access_beyond_hit(core, line, slot, intent, now)?
+        }
+    };
     if intent != Intent::Read && !access.missed {
         // Into the store buffer: done at once.
         access.ready = now + 1;

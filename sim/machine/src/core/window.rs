@@ -39,12 +39,14 @@ impl Core {
     ) -> Option<usize> {
         let count = self.threads.len();
         let end = window.start + WINDOW;
+        let (mut issued, mut cycles) = (0, 0);
         while window.offset < count {
             let index = wrapped(self.turn + window.offset, count);
             let thread = &mut self.threads[index];
             while thread.next.at() < end {
                 if thread.state != State::Running {
                     debug_assert!(thread.state == State::Ended);
+                    self.note_issues(issued, cycles);
                     return Some(index);
                 }
                 let earliest = thread.next.at().max(window.start) - window.start;
@@ -55,12 +57,12 @@ impl Core {
                 let slot = free.trailing_zeros();
                 window.taken |= 1 << slot;
                 window.causes[slot as usize] = thread.next.cause_index();
-                let uops = thread.issue(tables, hierarchy, self.index, window.start + u64::from(slot));
-                self.issued += uops;
-                self.paired += uops - 1;
+                issued += thread.issue(tables, hierarchy, self.index, window.start + u64::from(slot));
+                cycles += 1;
             }
             window.offset += 1;
         }
+        self.note_issues(issued, cycles);
         self.turn = wrapped(self.turn + 1, count);
 
         // Account the runs of issues and the gaps before them.
@@ -74,6 +76,13 @@ impl Core {
         }
         self.update_wake();
         None
+    }
+
+    /// Counts uops issued, and the cycles in which they were.
+    #[inline(always)]
+    fn note_issues(&mut self, uops: u64, cycles: u64) {
+        self.issued += uops;
+        self.paired += uops - cycles;
     }
 }
 

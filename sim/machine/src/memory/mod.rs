@@ -48,6 +48,7 @@ pub(crate) struct Memory {
     turnaround_lines: u32,
     /// Orders of the banks: steps from one row's bank to the next row's, prime to their number.
     strides: Vec<u64>,
+    stride_count: Divisor,
     /// Rows of a controller in a stretch of memory that lies in the chips as one.
     frame_rows: Divisor,
     row_lines: Divisor,
@@ -61,6 +62,8 @@ impl Memory {
     pub(crate) fn new(spec: &MemorySpec) -> Memory {
         let longest = spec.row_cycle_cycles.max(spec.write_row_cycle_cycles);
         let bank = || Bank { open_row: u32::MAX, open_since: 0, openings: Spans::new(longest) };
+        let strides: Vec<u64> =
+            (1..=u64::from(spec.banks)).filter(|s| gcd(*s, spec.banks.into()) == 1).collect();
         let controller = || Controller {
             channel: Slots::new(spec.line_interval_x256),
             wrote: false,
@@ -71,7 +74,8 @@ impl Memory {
             row_hit_cycles: spec.row_hit_cycles,
             row_cycle_cycles: [spec.row_cycle_cycles, spec.write_row_cycle_cycles],
             turnaround_lines: spec.turnaround_lines,
-            strides: (1..=u64::from(spec.banks)).filter(|s| gcd(*s, spec.banks.into()) == 1).collect(),
+            stride_count: Divisor::new(strides.len() as u64),
+            strides,
             frame_rows: Divisor::new(
                 (FRAME_LINES / u64::from(spec.controllers) / u64::from(spec.row_lines)).max(1),
             ),
@@ -107,7 +111,8 @@ impl Memory {
         let controller = &mut self.controllers[controller as usize];
         let (row, _) = self.row_lines.div_rem(within);
         let (frame, _) = self.frame_rows.div_rem(row);
-        let turned = row * self.strides[scattered(frame) as usize % self.strides.len()] + scattered(!frame);
+        let turned =
+            row * self.strides[self.stride_count.div_rem(scattered(frame)).1 as usize] + scattered(!frame);
         let bank = &mut controller.banks[self.banks.div_rem(turned).1 as usize];
         let row = row as u32;
         // The row.

@@ -10,8 +10,8 @@ const HORIZON: u64 = WORDS as u64 * 64;
 /// time order: an early one that is asked for late finds the gap that later ones left.
 #[derive(Debug, Clone)]
 pub(super) struct Spans {
-    /// Cycles of a tick: one, unless spans are so long that too few of them would be remembered.
-    tick_cycles: Cycle,
+    /// A tick has two to this power of cycles: one, unless spans are so long that too few of them would be remembered.
+    tick_shift: u32,
     words: [Word; WORDS],
 }
 
@@ -22,18 +22,56 @@ struct Word {
     stretch: u64,
 }
 
+impl Word {
+    #[inline(always)]
+    fn is_free(&self, stretch: u64, bits: u64) -> bool {
+        self.stretch != stretch || self.taken & bits == 0
+    }
+
+    #[inline(always)]
+    fn take(&mut self, stretch: u64, bits: u64) {
+        if self.stretch < stretch {
+            *self = Word { taken: 0, stretch };
+        }
+        if self.stretch == stretch {
+            self.taken |= bits;
+        }
+    }
+}
+
 impl Spans {
     /// For spans of at most `longest` cycles.
     pub(super) fn new(longest: Cycle) -> Spans {
-        Spans { tick_cycles: longest.div_ceil(HORIZON / 16).max(1), words: [Word::default(); WORDS] }
+        let tick_cycles = longest.div_ceil(HORIZON / 16).max(1).next_power_of_two();
+        Spans { tick_shift: tick_cycles.trailing_zeros(), words: [Word::default(); WORDS] }
     }
 
-    /// Takes the first `cycles` cycles in a row that are free at or after `now`; returns the first.
+    /// Takes the first `cycles` cycles in a row, at least one, that are free at or after `now`; returns the first.
+    #[inline]
     pub(super) fn take(&mut self, now: Cycle, cycles: Cycle) -> Cycle {
-        let first = self.take_ticks(now / self.tick_cycles, cycles.div_ceil(self.tick_cycles));
-        now.max(first * self.tick_cycles)
+        let first = now >> self.tick_shift;
+        let ticks = (cycles + (1 << self.tick_shift) - 1) >> self.tick_shift;
+        // The common case: what is wanted is free, and lies in two stretches at most.
+        let (stretch, shift) = (first / 64, first % 64);
+        if ticks <= 64 {
+            let span = u128::from(u64::MAX >> (64 - ticks)) << shift;
+            let wanted = [(stretch, span as u64), (stretch + 1, (span >> 64) as u64)];
+            if wanted.iter().all(|(stretch, bits)| self.word(*stretch).is_free(*stretch, *bits)) {
+                for (stretch, bits) in wanted.into_iter().filter(|(_, bits)| *bits != 0) {
+                    self.word(stretch).take(stretch, bits);
+                }
+                return now;
+            }
+        }
+        now.max(self.take_ticks(first, ticks) << self.tick_shift)
     }
 
+    #[inline(always)]
+    fn word(&mut self, stretch: u64) -> &mut Word {
+        &mut self.words[stretch as usize % WORDS]
+    }
+
+    #[inline(never)]
     fn take_ticks(&mut self, now: u64, cycles: u64) -> u64 {
         let mut first = now;
         while let Some(last) = self.last_taken(first, cycles) {
@@ -47,13 +85,7 @@ impl Spans {
         while at < first + cycles {
             let (stretch, shift) = (at / 64, at % 64);
             let count = (64 - shift).min(first + cycles - at);
-            let word = &mut self.words[stretch as usize % WORDS];
-            if word.stretch < stretch {
-                *word = Word { taken: 0, stretch };
-            }
-            if word.stretch == stretch {
-                word.taken |= bits(shift, count);
-            }
+            self.word(stretch).take(stretch, bits(shift, count));
             at += count;
         }
         first
