@@ -28,7 +28,7 @@ pub const EDGE_WORDS: u32 = 16;
 /// Rounding of positions about a receiver, relative to the largest coordinate of receivers, with a factor of eight to spare.
 const POSITION_SLACK: f32 = 1e-6;
 
-/// Receivers of a task of `grid`: neighbors in the picture, a sixteenth for each lane; see [`lane_order`].
+/// Receivers of a task of `grid`: neighbors in the picture, along the curve.
 pub const RECEIVERS_TASK: u32 = 1024;
 
 /// Columns of the receivers.
@@ -112,7 +112,7 @@ pub struct Layout {
     pub edge_first: Addr,
     /// `triangle << 1 | side` of the faces on edges.
     pub edge_faces: Addr,
-    /// x, y, z, own triangle and pixel of the receivers, in [`lane_order`].
+    /// x, y, z, own triangle and pixel of the receivers, along a Hilbert curve through the picture.
     pub receivers: Columns,
     /// Number of receivers.
     pub receiver_count: u32,
