@@ -24,11 +24,12 @@ impl Stopwatch {
 
 /// Greatest resident memory of this process so far; `None` where the host does not tell.
 pub fn peak_rss_bytes() -> Option<u64> {
-    parse_peak(&std::fs::read_to_string("/proc/self/status").ok()?)
+    bytes_of(&std::fs::read_to_string("/proc/self/status").ok()?, "VmHWM:")
 }
 
-fn parse_peak(status: &str) -> Option<u64> {
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+/// Bytes in the line of `text` that begins with `label`, as the files of `/proc` give them: in kB.
+pub fn bytes_of(text: &str, label: &str) -> Option<u64> {
+    let line = text.lines().find_map(|line| line.strip_prefix(label))?;
     let kibibytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
     Some(kibibytes * 1024)
 }
@@ -39,7 +40,7 @@ mod tests {
 
     #[test]
     fn the_peak_is_found_in_a_status_file() {
-        assert_eq!(parse_peak("Name:\tx\nVmHWM:\t  2048 kB\nVmRSS:\t 1 kB\n"), Some(2 << 20));
-        assert_eq!(parse_peak("Name:\tx\n"), None);
+        assert_eq!(bytes_of("Name:\tx\nVmHWM:\t  2048 kB\nVmRSS:\t 1 kB\n", "VmHWM:"), Some(2 << 20));
+        assert_eq!(bytes_of("Name:\tx\n", "VmHWM:"), None);
     }
 }

@@ -2,7 +2,11 @@
 
 use lrbsim_workloads::Scene;
 
+use crate::host::bytes_of;
 use crate::inputs::Machine;
+
+/// What of `/proc/meminfo` counts.
+const AVAILABLE: &str = "MemAvailable:";
 
 /// Bytes of a point besides what follows.
 const BASE_BYTES: u64 = 64 << 20;
@@ -35,7 +39,7 @@ pub fn estimate(scene: &Scene, machine: &Machine) -> u64 {
 /// Memory that points may take together: most of what is available, or no bound where the host does not tell.
 pub fn budget() -> u64 {
     let text = std::fs::read_to_string("/proc/meminfo").unwrap_or_default();
-    let host = available(&text).unwrap_or(u64::MAX);
+    let host = bytes_of(&text, AVAILABLE).unwrap_or(u64::MAX);
     // A container may be given less than the host has.
     let limit = std::fs::read_to_string("/sys/fs/cgroup/memory.max").ok();
     let used = std::fs::read_to_string("/sys/fs/cgroup/memory.current").ok();
@@ -44,20 +48,14 @@ pub fn budget() -> u64 {
     host.min(container.unwrap_or(u64::MAX)) / 10 * 9
 }
 
-fn available(meminfo: &str) -> Option<u64> {
-    let line = meminfo.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
-    let kibibytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
-    Some(kibibytes * 1024)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn what_is_available_is_found() {
-        assert_eq!(available("MemTotal: 9 kB\nMemAvailable:   2048 kB\n"), Some(2 << 20));
-        assert_eq!(available(""), None);
+        assert_eq!(bytes_of("MemTotal: 9 kB\nMemAvailable:   2048 kB\n", AVAILABLE), Some(2 << 20));
+        assert_eq!(bytes_of("", AVAILABLE), None);
     }
 
     #[test]

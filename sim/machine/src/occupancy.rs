@@ -16,21 +16,109 @@ const HORIZON: u64 = WORDS as u64 * 64;
 pub(crate) struct Slots {
     /// Length of a slot in 1/256 cycles.
     interval_x256: Divisor,
-    rows: [Row; WORDS],
+    rows: [Stretch; WORDS],
 }
 
 /// 64 slots in a row. Bits and number lie side by side: a request touches one line of the host's cache.
 #[derive(Debug, Clone, Copy)]
 #[repr(align(16))]
-struct Row {
+struct Stretch {
     taken: u64,
-    /// Which stretch of 64 slots this is.
-    stretch: u64,
+    /// Which stretch of 64 slots this is; older ones are forgotten.
+    number: u64,
+}
+
+impl Stretch {
+    const EMPTY: Stretch = Stretch { taken: 0, number: 0 };
+
+    fn is_free(&self, number: u64, bits: u64) -> bool {
+        self.number != number || self.taken & bits == 0
+    }
+
+    fn take(&mut self, number: u64, bits: u64) {
+        if self.number < number {
+            *self = Stretch { taken: 0, number };
+        }
+        if self.number == number {
+            self.taken |= bits;
+        }
+    }
+}
+
+/// When something is taken, a bit a tick, for runs of ticks of any length; the last 64 · `WORDS` ticks are remembered.
+#[derive(Debug, Clone)]
+#[repr(align(64))]
+pub(crate) struct Ticks<const WORDS: usize>([Stretch; WORDS]);
+
+impl<const WORDS: usize> Ticks<WORDS> {
+    pub(crate) const EMPTY: Ticks<WORDS> = Ticks([Stretch::EMPTY; WORDS]);
+
+    /// Takes ticks `[first, first + count)`, at least one, if all are free.
+    #[inline(always)]
+    pub(crate) fn take(&mut self, first: u64, count: u32) -> bool {
+        let (number, shift) = (first / 64, (first % 64) as u32);
+        let stretch = &mut self.0[number as usize % WORDS];
+        if shift + count > 64 || stretch.number > number {
+            return self.take_runs(first, count);
+        }
+        // The common case: the ticks lie in one stretch, of which nothing later has been asked for.
+        let bits = (u64::MAX >> (64 - count)) << shift;
+        let taken = if stretch.number == number { stretch.taken } else { 0 };
+        if taken & bits != 0 {
+            return false;
+        }
+        *stretch = Stretch { taken: taken | bits, number };
+        true
+    }
+
+    /// The same for any ticks.
+    #[inline(never)]
+    fn take_runs(&mut self, first: u64, count: u32) -> bool {
+        let free =
+            runs(first, count).all(|(number, bits)| self.0[number as usize % WORDS].is_free(number, bits));
+        if free {
+            self.take_regardless(first, count);
+        }
+        free
+    }
+
+    /// Takes ticks `[first, first + count)`, free or not.
+    pub(crate) fn take_regardless(&mut self, first: u64, count: u32) {
+        for (number, bits) in runs(first, count) {
+            self.0[number as usize % WORDS].take(number, bits);
+        }
+    }
+
+    /// The last tick that is taken of the `count` from `first` on.
+    pub(crate) fn last_taken(&self, first: u64, count: u32) -> Option<u64> {
+        let taken_in = |(number, bits): (u64, u64)| {
+            let stretch = &self.0[number as usize % WORDS];
+            let taken = if stretch.number == number { stretch.taken & bits } else { 0 };
+            (taken != 0).then(|| number * 64 + 63 - u64::from(taken.leading_zeros()))
+        };
+        runs(first, count).filter_map(taken_in).last()
+    }
+}
+
+/// Cuts a run of ticks at the borders of words.
+#[inline]
+fn runs(first: u64, count: u32) -> impl Iterator<Item = (u64, u64)> {
+    let mut at = first;
+    let end = first + u64::from(count);
+    std::iter::from_fn(move || {
+        if at >= end {
+            return None;
+        }
+        let take = (64 - at % 64).min(end - at);
+        let run = (at / 64, (u64::MAX >> (64 - take)) << (at % 64));
+        at += take;
+        Some(run)
+    })
 }
 
 impl Slots {
     pub(crate) fn new(interval_x256: u64) -> Slots {
-        Slots { interval_x256: Divisor::new(interval_x256), rows: [Row { taken: 0, stretch: 0 }; WORDS] }
+        Slots { interval_x256: Divisor::new(interval_x256), rows: [Stretch::EMPTY; WORDS] }
     }
 
     /// Takes the first free slot at or after `now`; returns when it begins, but not before `now`.
@@ -40,12 +128,12 @@ impl Slots {
         loop {
             let stretch = slot / 64;
             let row = &mut self.rows[(stretch % WORDS as u64) as usize];
-            if row.stretch != stretch {
-                if row.stretch > stretch {
+            if row.number != stretch {
+                if row.number > stretch {
                     // Older than what is remembered.
                     return now;
                 }
-                *row = Row { taken: 0, stretch };
+                *row = Stretch { taken: 0, number: stretch };
             }
             let free = !row.taken & (u64::MAX << (slot % 64));
             if free != 0 {

@@ -1,13 +1,11 @@
-//! The `windowed` level: cores run in turn, each for a quantum of one window.
+//! The `windowed` level: cores run in turn, each for a window. That is far below the length of a task, so that cores early
+//! in the order do not take all tasks, and of the order of a transaction, so that a line's transactions are served nearly
+//! in order.
 
 use super::{NO_PROGRESS_CYCLES_MAX, Step, stuck};
 use crate::Cycle;
 use crate::coherence::Hierarchy;
 use crate::core::{Core, CoreTables, WINDOW, Window};
-
-/// Cycles that a core runs before the next one does. Far below the length of a task, so that cores early in the order do
-/// not take all tasks, and of the order of a transaction, so that a line's transactions are served nearly in order.
-const QUANTUM: Cycle = WINDOW;
 
 pub(super) fn run(
     cores: &mut [Box<Core>],
@@ -29,23 +27,17 @@ pub(super) fn run(
             stuck(cores, hierarchy, base);
         }
         base = base.max(start + (wake - start) / WINDOW * WINDOW);
-        let end = base + QUANTUM;
+        let end = base + WINDOW;
         // Another core begins each time: the first has the pick of tasks and slots.
         turn = if turn + 1 >= count { 0 } else { turn + 1 };
         for offset in 0..count {
             let index = if turn + offset >= count { turn + offset - count } else { turn + offset };
             let core = &mut cores[index];
-            let mut at = base;
-            while core.wake < end {
-                at = at.max(start + (core.wake - start) / WINDOW * WINDOW);
-                if at >= end {
-                    break;
-                }
-                let mut window = Window::new(at);
+            if core.wake < end {
+                let mut window = Window::new(base);
                 while let Some(thread) = core.run_window(tables, hierarchy, &mut window) {
                     step.feed(core, thread, hierarchy);
                 }
-                at += WINDOW;
             }
         }
         base = end;

@@ -94,11 +94,10 @@ impl Hierarchy {
             if bits & (Tags::WRITABLE | Tags::PENDING) != Tags::WRITABLE {
                 return Err(Some(slot));
             }
-            caches.l1.set_bits(slot, bits | Tags::DIRTY);
         } else if bits & Tags::PENDING != 0 {
             return Err(Some(slot));
         }
-        caches.l1.touch(slot);
+        caches.use_l1(slot, bits, write);
         caches.l1_counters.hits += 1;
         Ok(())
     }
@@ -160,8 +159,7 @@ impl Hierarchy {
                 && may
                 && let Some(mshr) = caches.l1_mshrs.in_flight(line, now)
             {
-                caches.l1.set_bits(slot, bits | if write { Tags::DIRTY } else { 0 });
-                caches.l1.touch(slot);
+                caches.use_l1(slot, bits, write);
                 caches.l1_counters.merged += 1;
                 let ready = mshr.fill.max(now + self.spec.l1d.hit_cycles);
                 return Ok(Access { ready, cause: mshr.cause, missed: true });
@@ -170,8 +168,7 @@ impl Hierarchy {
             caches.l1.set_bits(slot, arrived);
             if may {
                 // It has arrived since.
-                caches.l1.set_bits(slot, arrived | if write { Tags::DIRTY } else { 0 });
-                caches.l1.touch(slot);
+                caches.use_l1(slot, arrived, write);
                 caches.l1_counters.hits += 1;
                 return Ok(self.hit(now));
             }
@@ -293,6 +290,15 @@ impl Hierarchy {
 }
 
 impl CoreCaches {
+    /// Reads or writes the line in `slot` of the L1, which has `bits`.
+    #[inline(always)]
+    fn use_l1(&mut self, slot: Slot, bits: u8, write: bool) {
+        if write {
+            self.l1.set_bits(slot, bits | Tags::DIRTY);
+        }
+        self.l1.touch(slot);
+    }
+
     /// A modified line came down from the L1.
     pub(super) fn mark_modified(&mut self, line: u32) {
         let slot = self.l2.find(line).expect("the L2 includes the L1");

@@ -122,11 +122,8 @@ impl Sharers {
 
     /// The core other than `me` whose number is nearest, hence on most machines the nearest on the ring.
     pub(crate) fn nearest(self, me: u32, pool: &Pool) -> Option<u32> {
-        if self.count_code() != POOLED {
-            return (0..self.count_code() as u32)
-                .map(|i| self.inline_core(i))
-                .filter(|core| *core != me)
-                .min_by_key(|core| (core.abs_diff(me), *core));
+        if let Some(few) = self.few() {
+            return few.filter(|core| *core != me).min_by_key(|core| (core.abs_diff(me), *core));
         }
         // The first bit above `me` and the first below, a word at a time.
         let set = &pool.sets[self.pool_index()];
@@ -144,17 +141,15 @@ impl Sharers {
 
     /// Calls `f` with every core: in order of arrival while they are few, in index order beyond.
     pub(crate) fn for_each(self, pool: &Pool, mut f: impl FnMut(u32)) {
-        if self.count_code() == POOLED {
-            for (i, word) in pool.sets[self.pool_index()].iter().enumerate() {
-                let mut word = *word;
-                while word != 0 {
-                    f(i as u32 * 64 + word.trailing_zeros());
-                    word &= word - 1;
-                }
-            }
-        } else {
-            for i in 0..self.count_code() as u32 {
-                f(self.inline_core(i));
+        if let Some(few) = self.few() {
+            few.for_each(f);
+            return;
+        }
+        for (i, word) in pool.sets[self.pool_index()].iter().enumerate() {
+            let mut word = *word;
+            while word != 0 {
+                f(i as u32 * 64 + word.trailing_zeros());
+                word &= word - 1;
             }
         }
     }

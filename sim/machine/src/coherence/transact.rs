@@ -89,6 +89,7 @@ impl Hierarchy {
             let supplier = supplier.filter(|_| actions.data == Source::Peer);
             // An owner's L1 may be newer than its L2 and is looked into first.
             let newer = if others == Others::Own { self.spec.l1d.hit_cycles } else { 0 };
+            let supplies = |peer| (supplier == Some(peer)).then_some(newer);
             self.counters.forwards += u64::from(supplier.is_some());
             if !actions.invalidate_others {
                 let supplier = supplier.expect("only a peer's data are asked for without a loss");
@@ -97,27 +98,13 @@ impl Hierarchy {
                 done = done.max(self.answer(supplier, me, true, asked + newer));
             } else if let Some(few) = before.few() {
                 for peer in few.filter(|peer| *peer != me) {
-                    done = done.max(self.invalidate(
-                        peer,
-                        home,
-                        me,
-                        line,
-                        (supplier == Some(peer)).then_some(newer),
-                        leaves,
-                    ));
+                    done = done.max(self.invalidate(peer, home, me, line, supplies(peer), leaves));
                 }
             } else {
                 let mut peers = std::mem::take(&mut self.peers);
                 before.for_each(&self.directory.pool, |peer| peers.push(peer));
                 for peer in peers.drain(..).filter(|peer| *peer != me) {
-                    done = done.max(self.invalidate(
-                        peer,
-                        home,
-                        me,
-                        line,
-                        (supplier == Some(peer)).then_some(newer),
-                        leaves,
-                    ));
+                    done = done.max(self.invalidate(peer, home, me, line, supplies(peer), leaves));
                 }
                 self.peers = peers;
             }
