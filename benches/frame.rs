@@ -255,8 +255,7 @@ fn main() -> Result<(), Error> {
             }
             // The best of several where they are short: everything else that runs on the host only ever adds time.
             let (of_tasks, passes) = match stage {
-                Stage::Functional | Stage::Emission => (1.0, 3),
-                Stage::Windowed => (1.0, 1),
+                Stage::Functional | Stage::Emission | Stage::Windowed => (1.0, 5),
                 Stage::Cycle => ((CYCLE_UOPS_MAX as f64 / all.uops as f64).min(1.0), 1),
             };
             let mut best = measure(&input, (phase, Some(stage), simd), of_tasks, &mut meter)?;

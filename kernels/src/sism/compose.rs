@@ -4,7 +4,7 @@ use lrbsim_isa::{Arena, Compare, Kernel, Ordering, Step, Vpu};
 
 use super::Frame;
 use super::hard::LAYERS;
-use super::layout::{Layout, PIXEL};
+use super::layout::{Layout, PIXEL, RECEIVER};
 use super::soft::{COVERAGE, WHOLE};
 use crate::columns::{lanes_below, task_range};
 
@@ -39,7 +39,8 @@ impl Kernel for Compose {
             let layers = [sum(LAYERS), sum(LAYERS + 1)];
             let parts = layout.is_soft().then(|| [sum(COVERAGE), sum(COVERAGE + 1)]);
             let visible = visible(v, layers, parts);
-            let pixel = v.vload_i32_or(none, live, layout.samples.column(PIXEL), i);
+            let receiver = v.vload_i32_or(none, live, layout.samples.column(RECEIVER), i);
+            let pixel = v.vgather_i32_or(none, live, layout.receivers.column(PIXEL), receiver);
             v.vscatter_f32(live, layout.visibility, pixel, visible);
             i = v.s_add(i, step);
         }

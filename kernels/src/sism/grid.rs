@@ -10,7 +10,7 @@ use lrbsim_isa::{Addr, Arena, Ordering, Step, Vpu, math};
 
 use super::Frame;
 use super::bounds::BOUNDS;
-use super::layout::{BIN_CELLS, FACES, FaceGrid, Layout, POSITION, SLICES};
+use super::layout::{BIN_CELLS, FACES, FaceGrid, Layout, POSITION, SAMPLE_COLUMNS, SLICES};
 use super::streaks::{self, Count, STREAKS_TASK, Scatter};
 use crate::columns::Columns;
 use crate::plane::Vec3;
@@ -69,7 +69,7 @@ pub fn count(frame: &mut Frame, arena: &mut Arena) -> Step {
 /// Receivers to their places.
 pub fn scatter(frame: &mut Frame, arena: &mut Arena) -> Step {
     let layout = &mut frame.layout;
-    layout.samples = Columns::new(arena, 5, layout.receiver_count);
+    layout.samples = Columns::new(arena, SAMPLE_COLUMNS, layout.receiver_count);
     Step {
         name: "scatter",
         ordering: Ordering::Independent,

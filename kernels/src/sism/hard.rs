@@ -3,7 +3,7 @@
 use lrbsim_isa::{Addr, Arena, Compare, Kernel, Ordering, Step, Vpu};
 
 use super::Frame;
-use super::layout::{Layout, OWN_TRIANGLE};
+use super::layout::{Layout, OWN_TRIANGLE, RECEIVER};
 use super::run::{PerVector, Samples, walk};
 use crate::columns::Columns;
 use crate::plane::{BACK, FRONT, TRIANGLE_WORDS, Vec3, hidden};
@@ -40,8 +40,9 @@ impl PerVector for Hard {
         let layout = &self.layout;
         let two = v.s_imm(2);
         let words = v.s_imm(TRIANGLE_WORDS as i32);
-        let own = v.vload_i32(layout.samples.column(OWN_TRIANGLE), samples.first);
         let none = v.vset_i32(0);
+        let receiver = v.vload_i32(layout.samples.column(RECEIVER), samples.first);
+        let own = v.vgather_i32_or(none, samples.live, layout.receivers.column(OWN_TRIANGLE), receiver);
         let mut layers = [none; 2];
         let (mut record, end) = records;
         while v.branch(Compare::Less, record, end) {

@@ -31,14 +31,19 @@ const POSITION_SLACK: f32 = 1e-6;
 /// Receivers of a task of `grid`: neighbors in the picture, along the curve.
 pub const RECEIVERS_TASK: u32 = 1024;
 
-/// Columns of the receivers.
+/// Columns of the receivers, and of the samples: receivers in the order of cells.
 pub const POSITION: u32 = 0;
 /// Column of the triangle that a receiver lies on.
 pub const OWN_TRIANGLE: u32 = 3;
 /// Column of a receiver's pixel.
 pub const PIXEL: u32 = 4;
-/// Number of columns of receivers and samples.
+/// Number of columns of receivers.
 const RECEIVER_COLUMNS: u32 = 5;
+/// Column of the receiver that a sample is. What is needed of it but once is looked up there: every column that is moved to
+/// its cells is read, fetched and written back, and the bandwidth of memory is what moving waits for.
+pub const RECEIVER: u32 = 3;
+/// Number of columns of samples.
+pub const SAMPLE_COLUMNS: u32 = 4;
 
 /// Columns of nodes (cells, blocks, bins, groups): centre, half size, greatest depth, greatest `|p'|`.
 pub const CENTER_X: u32 = 0;

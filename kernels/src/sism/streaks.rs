@@ -8,7 +8,7 @@
 use lrbsim_isa::{Compare, Kernel, Vpu};
 
 use super::grid::{Constants, key, load_positions};
-use super::layout::{Layout, OWN_TRIANGLE, PIXEL, POSITION, RECEIVERS_TASK};
+use super::layout::{Layout, POSITION, RECEIVER, RECEIVERS_TASK};
 use crate::columns::{lanes_below, task_range};
 
 /// Columns of the streaks.
@@ -146,12 +146,13 @@ impl Kernel for Scatter {
             open = v.vpermute(streak, fifteen);
             let offset = v.vgather_i32_or(none, live, layout.streaks.column(OFFSET), streak);
             let to = v.viadd(offset, receiver);
-            for column in [POSITION, POSITION + 1, POSITION + 2, OWN_TRIANGLE, PIXEL] {
-                let from = layout.receivers.column(column);
+            for axis in POSITION..POSITION + 3 {
+                let from = layout.receivers.column(axis);
                 v.prefetch_l1(from.plus(64), i);
                 let value = v.vload_i32_or(none, live, from, i);
-                v.vscatter_i32(live, layout.samples.column(column), to, value);
+                v.vscatter_i32(live, layout.samples.column(axis), to, value);
             }
+            v.vscatter_i32(live, layout.samples.column(RECEIVER), to, receiver);
             receiver = v.viadd(receiver, sixteen);
             i = v.s_add(i, step);
         }

@@ -160,6 +160,10 @@ impl Arena {
                 _ => return Err(ArenaError::Refused),
             }
         };
+        // Arrays are long and gathers go everywhere in them: fewer page faults, fewer misses of the host's TLB. A host that
+        // has no large pages goes on without.
+        #[cfg(target_os = "linux")]
+        let _ = map.advise(memmap2::Advice::HugePage);
         let base = map.as_mut_ptr();
         Ok(Arena {
             _map: map,

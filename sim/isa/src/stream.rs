@@ -39,10 +39,17 @@ impl Stream {
 
     /// How many uops of each class the stream holds.
     pub fn count_classes(&self) -> [u64; Class::COUNT] {
-        let mut counts = [0; Class::COUNT];
-        for uop in &self.uops {
-            counts[(*uop & 0xff) as usize] += 1;
+        // Four tables: neighbors are often of one class, and would wait for each other's count.
+        let mut tables = [[0_u32; 256]; 4];
+        let (fours, rest) = self.uops.as_chunks::<4>();
+        for uops in fours {
+            for (table, uop) in tables.iter_mut().zip(uops) {
+                table[(*uop & 0xff) as usize] += 1;
+            }
         }
-        counts
+        for uop in rest {
+            tables[0][(*uop & 0xff) as usize] += 1;
+        }
+        std::array::from_fn(|class| tables.iter().map(|table| u64::from(table[class])).sum())
     }
 }

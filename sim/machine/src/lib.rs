@@ -23,6 +23,7 @@ mod memory;
 mod occupancy;
 mod ring;
 mod scheduler;
+mod when;
 
 #[cfg(test)]
 mod streams;

@@ -57,17 +57,26 @@ impl<const WORDS: usize> Ticks<WORDS> {
     #[inline(always)]
     pub(crate) fn take(&mut self, first: u64, count: u32) -> bool {
         let (number, shift) = (first / 64, (first % 64) as u32);
-        let stretch = &mut self.0[number as usize % WORDS];
-        if shift + count > 64 || stretch.number > number {
+        let [index, next] = [number as usize % WORDS, (number as usize + 1) % WORDS];
+        if count > 64 || self.0[index].number > number || self.0[next].number > number + 1 {
             return self.take_runs(first, count);
         }
-        // The common case: the ticks lie in one stretch, of which nothing later has been asked for.
-        let bits = (u64::MAX >> (64 - count)) << shift;
-        let taken = if stretch.number == number { stretch.taken } else { 0 };
-        if taken & bits != 0 {
+        // The common case: the ticks lie in two stretches at most, of which nothing later has been asked for.
+        let bits = u64::MAX >> (64 - count);
+        let (low, high) = (bits << shift, bits >> 1 >> (63 - shift));
+        let taken_in = |stretch: Stretch, number| if stretch.number == number { stretch.taken } else { 0 };
+        let taken = taken_in(self.0[index], number);
+        if taken & low != 0 {
             return false;
         }
-        *stretch = Stretch { taken: taken | bits, number };
+        if high != 0 {
+            let taken = taken_in(self.0[next], number + 1);
+            if taken & high != 0 {
+                return false;
+            }
+            self.0[next] = Stretch { taken: taken | high, number: number + 1 };
+        }
+        self.0[index] = Stretch { taken: taken | low, number };
         true
     }
 

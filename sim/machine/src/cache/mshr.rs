@@ -1,40 +1,59 @@
 //! Misses in flight.
 
+use super::tags::{GROUP, NO_LINE, equal_ways};
 use crate::Cycle;
-use crate::counters::Cause;
+use crate::when::When;
 
 /// One miss in flight.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Mshr {
-    pub(crate) line: u32,
+struct Mshr {
     /// When the line arrives.
-    pub(crate) fill: Cycle,
+    fill: When,
     /// When the MSHR is free again: then, or when the line that made room has been written back.
-    pub(crate) free: Cycle,
-    /// What that time was spent on.
-    pub(crate) cause: Cause,
+    free: Cycle,
 }
 
 /// The MSHRs of one cache. They free themselves as time passes.
 #[derive(Debug, Clone)]
 pub(crate) struct Mshrs {
     table: Vec<Mshr>,
+    /// The line of each, in groups for the search.
+    lines: Vec<[u32; GROUP]>,
+    /// The place behind the one that was taken last: of the one taken longest ago, as a rule the next to be free.
+    oldest: usize,
 }
 
 impl Mshrs {
     pub(crate) fn new(count: u32) -> Mshrs {
-        Mshrs { table: vec![Mshr { line: u32::MAX, fill: 0, free: 0, cause: Cause::L1 }; count as usize] }
+        let count = count as usize;
+        Mshrs {
+            table: vec![Mshr { fill: When::ZERO, free: 0 }; count],
+            lines: vec![[NO_LINE; GROUP]; count.div_ceil(GROUP)],
+            oldest: 0,
+        }
     }
 
-    /// The miss that brings `line`, if it is still under way at `now`.
+    /// When `line` arrives, if it is still under way at `now`. Of several times the last: the line was lost to another core
+    /// before those before it had arrived.
     #[inline]
-    pub(crate) fn in_flight(&self, line: u32, now: Cycle) -> Option<Mshr> {
-        self.table.iter().find(|mshr| mshr.line == line && mshr.fill > now).copied()
+    pub(crate) fn in_flight(&self, line: u32, now: Cycle) -> Option<When> {
+        let mut last = When::ZERO;
+        for (group, lines) in self.lines.iter().enumerate() {
+            let mut equal = equal_ways(lines, line);
+            while equal != 0 {
+                last = last.max(self.table[group * GROUP + equal.trailing_zeros() as usize].fill);
+                equal &= equal - 1;
+            }
+        }
+        (last.at() > now).then_some(last)
     }
 
     /// The place of one that is free at `now`; `Err` is the time when one will be.
     #[inline]
     pub(crate) fn free(&self, now: Cycle) -> Result<usize, Cycle> {
+        if self.table[self.oldest].free <= now {
+            return Ok(self.oldest);
+        }
         let mut earliest = Cycle::MAX;
         for (place, mshr) in self.table.iter().enumerate() {
             if mshr.free <= now {
@@ -50,20 +69,21 @@ impl Mshrs {
         self.table.iter().filter(|mshr| mshr.free <= now).nth(spared).is_some()
     }
 
-    /// Takes the one at `place`, where [`Mshrs::free`] found one free, until `line` arrives.
+    /// Takes the one at `place`, where [`Mshrs::free`] found one free, until `line` arrives, and until `free` if that is later.
     #[inline]
-    pub(crate) fn hold(&mut self, place: usize, line: u32, fill: Cycle, cause: Cause) {
-        self.table[place] = Mshr { line, fill, free: fill, cause };
+    pub(crate) fn hold(&mut self, place: usize, line: u32, fill: When, free: Cycle) {
+        self.table[place] = Mshr { fill, free: free.max(fill.at()) };
+        self.lines[place / GROUP][place % GROUP] = line;
+        self.oldest = if place + 1 == self.table.len() { 0 } else { place + 1 };
     }
 
-    /// Keeps the one at `place` until `free`, if that is later.
-    #[inline]
-    pub(crate) fn keep(&mut self, place: usize, free: Cycle) {
-        self.table[place].free = self.table[place].free.max(free);
-    }
-
-    /// Those under way at `now`, for messages.
-    pub(crate) fn occupied(&self, now: Cycle) -> Vec<Mshr> {
-        self.table.iter().filter(|mshr| mshr.free > now).copied().collect()
+    /// Those under way at `now`, for messages: their lines, and when they are free.
+    pub(crate) fn occupied(&self, now: Cycle) -> Vec<(u32, Cycle)> {
+        let lines = self.lines.iter().flatten();
+        lines
+            .zip(&self.table)
+            .filter(|(_, mshr)| mshr.free > now)
+            .map(|(line, mshr)| (*line, mshr.free))
+            .collect()
     }
 }

@@ -1,7 +1,9 @@
 //! A set-associative array of tags with a few bits a line.
 
-const GROUP: usize = 8;
-const NO_LINE: u32 = u32::MAX;
+/// Tags that are searched at once.
+pub(super) const GROUP: usize = 8;
+/// No line has this number.
+pub(super) const NO_LINE: u32 = u32::MAX;
 
 /// Up to eight ways of a set, in one line of the host's cache.
 #[derive(Debug, Clone)]
@@ -27,7 +29,7 @@ impl Group {
 /// A bit for every tag that is `line`.
 #[cfg(target_arch = "x86_64")]
 #[inline(always)]
-fn equal_ways(tags: &[u32; GROUP], line: u32) -> u32 {
+pub(super) fn equal_ways(tags: &[u32; GROUP], line: u32) -> u32 {
     use core::arch::x86_64::{
         _mm_cmpeq_epi32, _mm_movemask_epi8, _mm_packs_epi16, _mm_packs_epi32, _mm_set1_epi32, _mm_setr_epi32,
     };
@@ -48,7 +50,7 @@ fn equal_ways(tags: &[u32; GROUP], line: u32) -> u32 {
 /// A bit for every tag that is `line`.
 #[cfg(not(target_arch = "x86_64"))]
 #[inline(always)]
-fn equal_ways(tags: &[u32; GROUP], line: u32) -> u32 {
+pub(super) fn equal_ways(tags: &[u32; GROUP], line: u32) -> u32 {
     tags.iter().zip(0..).map(|(tag, way)| u32::from(*tag == line) << way).sum()
 }
 
@@ -129,6 +131,34 @@ impl Tags {
             return Some(Slot { group: first as u32 + 1, way });
         }
         None
+    }
+
+    /// Uses `line` if it is here and its bits are `wanted` as far as `mask` goes: touches it and adds `bits`. Otherwise
+    /// changes nothing and returns where it is, if it is here.
+    #[inline(always)]
+    pub(crate) fn use_if(&mut self, line: u32, mask: u8, wanted: u8, bits: u8) -> Result<(), Option<Slot>> {
+        if self.groups_per_set != 1 {
+            let Some(slot) = self.find(line) else { return Err(None) };
+            let old = self.bits(slot);
+            if old & mask != wanted {
+                return Err(Some(slot));
+            }
+            self.set_bits(slot, old | bits);
+            self.touch(slot);
+            return Ok(());
+        }
+        // The same in one group.
+        let index = self.first_group(line);
+        let Some(group) = self.groups.get_mut(index) else { return Err(None) };
+        let Some(way) = group.first_way_with(line) else { return Err(None) };
+        let old = &mut group.bits[way as usize % GROUP];
+        if *old & mask != wanted {
+            return Err(Some(Slot { group: index as u32, way }));
+        }
+        *old |= bits;
+        let recent = group.recent | 1 << way;
+        group.recent = if recent == self.all_ways { 1 << way } else { recent };
+        Ok(())
     }
 
     /// Asks the host for the set of `line`.

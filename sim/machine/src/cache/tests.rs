@@ -1,6 +1,7 @@
 use super::*;
 use crate::counters::Cause;
 use crate::streams::Random;
+use crate::when::When;
 
 /// The dumb model: ways as plain options, marks as plain bools.
 struct Model {
@@ -50,10 +51,20 @@ fn tags_agree_with_a_dumb_model_under_random_traffic() {
 #[test]
 fn an_mshr_is_free_from_the_cycle_of_its_fill() {
     let mut mshrs = Mshrs::new(2);
-    mshrs.hold(0, 7, 100, Cause::Memory);
-    mshrs.hold(1, 8, 50, Cause::L2);
+    mshrs.hold(0, 7, When::new(100, Cause::Memory), 0);
+    mshrs.hold(1, 8, When::new(50, Cause::L2), 0);
     assert_eq!((mshrs.free(49), mshrs.free(50)), (Err(50), Ok(1)));
     assert!(mshrs.in_flight(7, 99).is_some());
     assert!(mshrs.in_flight(7, 100).is_none());
     assert_eq!(mshrs.occupied(60).len(), 1);
+}
+
+#[test]
+fn of_two_misses_of_a_line_the_later_counts() {
+    // The line was lost before it had arrived, and asked for again; its first MSHR is still taken.
+    let mut mshrs = Mshrs::new(3);
+    mshrs.hold(0, 7, When::new(100, Cause::Memory), 0);
+    mshrs.hold(1, 7, When::new(180, Cause::Remote), 0);
+    assert_eq!(mshrs.in_flight(7, 50), Some(When::new(180, Cause::Remote)));
+    assert_eq!(mshrs.free(50), Ok(2));
 }

@@ -55,7 +55,7 @@ impl Chip {
         let hierarchy = Hierarchy::new(spec, exact);
         Chip {
             fidelity,
-            tables: CoreTables::new(spec, exact),
+            tables: CoreTables::new(spec),
             barrier_cycles: barrier_cycles(spec, &hierarchy.rings),
             hierarchy,
             cores: (0..spec.cores).map(|_| None).collect(),
@@ -126,8 +126,9 @@ impl Chip {
             let busy_cycles = core.stack.cycles()[Cause::Issue as usize];
             self.activity[core.index] =
                 CoreActivity { issued: core.issued, busy_cycles, arrival_cycles: core.arrival - start };
-            step.report.paired += core.paired;
             step.report.issued += core.issued;
+            // Two uops in a cycle are a pair.
+            step.report.paired += core.issued - busy_cycles;
             let index = core.index;
             self.cores[index] = Some(core);
         }

@@ -2,9 +2,10 @@
 
 use crate::Cycle;
 use crate::coherence::Hierarchy;
-use crate::core::{Core, State, When};
+use crate::core::{Core, State};
 use crate::counters::{Cause, StepReport};
 use crate::scheduler::{TaskCounter, pull};
+use crate::when::When;
 use lrbsim_isa::program::TaskSource;
 use lrbsim_isa::stream::Stream;
 

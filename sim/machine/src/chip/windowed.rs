@@ -34,7 +34,8 @@ pub(super) fn run(
             let index = if turn + offset >= count { turn + offset - count } else { turn + offset };
             let core = &mut cores[index];
             if core.wake < end {
-                let mut window = Window::new(base);
+                let crowded = std::mem::take(&mut hierarchy.caches[core.index].crowded);
+                let mut window = Window::new(base, crowded);
                 while let Some(thread) = core.run_window(tables, hierarchy, &mut window) {
                     step.feed(core, thread, hierarchy);
                 }

@@ -8,6 +8,7 @@ use crate::counters::{AtomicCounters, Cause, DirectoryCounters};
 use crate::memory::Memory;
 use crate::occupancy::Slots;
 use crate::ring::Rings;
+use crate::when::When;
 
 /// Everything between the cores and the memory chips.
 pub(crate) struct Hierarchy {
@@ -33,20 +34,16 @@ pub(crate) struct Hierarchy {
 /// What became of an access.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Access {
-    /// When the line is usable.
-    pub(crate) ready: Cycle,
-    /// What the time was spent on.
-    pub(crate) cause: Cause,
+    /// When the line is usable, and what the time was spent on.
+    pub(crate) ready: When,
     /// Whether the L1 did not have it ready.
     pub(crate) missed: bool,
 }
 
 /// What became of an access to the L2.
 pub(super) struct L2Access {
-    /// When the line is usable.
-    pub(super) ready: Cycle,
-    /// What the time was spent on.
-    pub(super) cause: Cause,
+    /// When the line is usable, and what the time was spent on.
+    pub(super) ready: When,
     /// Whether the core may write the line from then on.
     pub(super) owned: bool,
     /// Whether the L2 neither had the line nor waited for it.
@@ -88,16 +85,12 @@ impl Hierarchy {
         if self.translates && !caches.tlb.hit(line) {
             return Err(None);
         }
-        let Some(slot) = caches.l1.find(line) else { return Err(None) };
-        let bits = caches.l1.bits(slot);
-        if write {
-            if bits & (Tags::WRITABLE | Tags::PENDING) != Tags::WRITABLE {
-                return Err(Some(slot));
-            }
-        } else if bits & Tags::PENDING != 0 {
-            return Err(Some(slot));
-        }
-        caches.use_l1(slot, bits, write);
+        let (mask, wanted, bits) = if write {
+            (Tags::WRITABLE | Tags::PENDING, Tags::WRITABLE, Tags::DIRTY)
+        } else {
+            (Tags::PENDING, 0, 0)
+        };
+        caches.l1.use_if(line, mask, wanted, bits)?;
         caches.l1_counters.hits += 1;
         Ok(())
     }
@@ -121,7 +114,7 @@ impl Hierarchy {
     /// A hit in L1 at `now`.
     #[inline(always)]
     pub(crate) fn hit(&self, now: Cycle) -> Access {
-        Access { ready: now + self.spec.l1d.hit_cycles, cause: Cause::L1, missed: false }
+        Access { ready: When::new(now + self.spec.l1d.hit_cycles, Cause::L1), missed: false }
     }
 
     /// An access that [`Hierarchy::l1_hit`] is not enough for, which found the line in `l1_slot` if at all.
@@ -157,12 +150,11 @@ impl Hierarchy {
             let may = !write || bits & Tags::WRITABLE != 0;
             if bits & Tags::PENDING != 0
                 && may
-                && let Some(mshr) = caches.l1_mshrs.in_flight(line, now)
+                && let Some(fill) = caches.l1_mshrs.in_flight(line, now)
             {
                 caches.use_l1(slot, bits, write);
                 caches.l1_counters.merged += 1;
-                let ready = mshr.fill.max(now + self.spec.l1d.hit_cycles);
-                return Ok(Access { ready, cause: mshr.cause, missed: true });
+                return Ok(Access { ready: fill.not_before(now + self.spec.l1d.hit_cycles), missed: true });
             }
             let arrived = bits & !Tags::PENDING;
             caches.l1.set_bits(slot, arrived);
@@ -178,15 +170,22 @@ impl Hierarchy {
         if intent == Intent::Stream && l1_slot.is_none() && self.spec.core.posted_streaming_stores {
             self.l2_access(core, line, intent, now)?;
             self.caches[core].l1_counters.misses += 1;
-            return Ok(Access { ready: now + 1, cause: Cause::L1, missed: false });
+            return Ok(Access { ready: When::new(now + 1, Cause::L1), missed: false });
         }
 
         // A miss: every resource it needs must be free before anything changes.
-        let mshr = caches.l1_mshrs.free(now)?;
-        let L2Access { ready, cause, owned, missed, .. } = self.l2_access(core, line, intent, now)?;
+        let mshr = match caches.l1_mshrs.free(now) {
+            Ok(mshr) => mshr,
+            Err(retry) => {
+                // For less than a hit in the L2: threads take turns.
+                caches.crowded |= retry - now < self.spec.l2.hit_cycles;
+                return Err(retry);
+            }
+        };
+        let L2Access { ready, owned, missed, .. } = self.l2_access(core, line, intent, now)?;
         let caches = &mut self.caches[core];
         caches.l1_counters.misses += 1;
-        caches.l1_mshrs.hold(mshr, line, ready, cause);
+        caches.l1_mshrs.hold(mshr, line, ready, 0);
 
         // Fill the L1 now; PENDING sends those who come early to the MSHR.
         let mut bits = Tags::PENDING;
@@ -212,7 +211,7 @@ impl Hierarchy {
         if let Some(prefetcher) = &self.spec.prefetcher {
             self.run_ahead(core, line, missed, prefetcher.mshrs_spared, now);
         }
-        Ok(Access { ready, cause, missed: true })
+        Ok(Access { ready, missed: true })
     }
 
     /// Asks the host for what an access to `line` that misses will look at.
@@ -264,27 +263,24 @@ impl Hierarchy {
                     caches.l2.set_bits(slot, bits | State::M as u8);
                 }
                 if bits & Tags::PENDING != 0 {
-                    if let Some(mshr) = caches.l2_mshrs.in_flight(line, now) {
+                    if let Some(fill) = caches.l2_mshrs.in_flight(line, now) {
                         caches.l2_counters.merged += 1;
-                        let ready = mshr.fill.max(now + hit_cycles);
-                        let cause = mshr.cause;
-                        return Ok(L2Access { ready, cause, owned, missed: false, written_back: 0 });
+                        let ready = fill.not_before(now + hit_cycles);
+                        return Ok(L2Access { ready, owned, missed: false, written_back: 0 });
                     }
                     let bits = caches.l2.bits(slot);
                     caches.l2.set_bits(slot, bits & !Tags::PENDING);
                 }
                 caches.l2_counters.hits += 1;
-                let ready = now + hit_cycles;
-                return Ok(L2Access { ready, cause: Cause::L2, owned, missed: false, written_back: 0 });
+                let ready = When::new(now + hit_cycles, Cause::L2);
+                return Ok(L2Access { ready, owned, missed: false, written_back: 0 });
             }
         }
         let mshr = caches.l2_mshrs.free(now)?;
         caches.l2_counters.misses += 1;
         // The L2 has to find out that it misses first.
         let access = self.transact(core, line, l2_slot, intent, now + hit_cycles);
-        let mshrs = &mut self.caches[core].l2_mshrs;
-        mshrs.hold(mshr, line, access.ready, access.cause);
-        mshrs.keep(mshr, access.written_back);
+        self.caches[core].l2_mshrs.hold(mshr, line, access.ready, access.written_back);
         Ok(access)
     }
 }

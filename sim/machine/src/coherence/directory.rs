@@ -49,7 +49,7 @@ impl Busy {
     }
 }
 
-type Page = Option<Box<[Record]>>;
+type Page = Option<Box<[Record; PAGE_LINES]>>;
 
 /// Records in pages, since line numbers are dense: storage follows the lines touched. One table serves all slices.
 #[derive(Debug, Default)]
@@ -71,7 +71,7 @@ impl Directory {
         if pages.get(index / PAGE_LINES).is_none_or(Option::is_none) {
             add_page(pages, index / PAGE_LINES);
         }
-        let page = pages[index / PAGE_LINES].as_mut().expect("added");
+        let Some(Some(page)) = pages.get_mut(index / PAGE_LINES) else { unreachable!("added") };
         (&mut page[index % PAGE_LINES], &mut self.pool)
     }
 
@@ -89,7 +89,8 @@ fn add_page(pages: &mut Vec<Page>, index: usize) {
     if pages.len() <= index {
         pages.resize_with(index + 1, || None);
     }
-    pages[index] = Some(vec![Record::default(); PAGE_LINES].into_boxed_slice());
+    let page = vec![Record::default(); PAGE_LINES].into_boxed_slice();
+    pages[index] = Some(page.try_into().expect("as long as a page"));
 }
 
 #[cfg(test)]

@@ -172,6 +172,6 @@ fn second_miss_to_a_line_in_flight_fetches_once() {
     let second = hierarchy.access(3, 99, Intent::Read, 10).expect("free MSHRs");
     assert_eq!(second.ready, first.ready);
     assert_eq!(hierarchy.memory.counters.reads, 1);
-    let third = hierarchy.access(3, 99, Intent::Read, first.ready).expect("free MSHRs");
-    assert_eq!((third.ready, third.missed), (first.ready + spec.l1d.hit_cycles, false));
+    let third = hierarchy.access(3, 99, Intent::Read, first.ready.at()).expect("free MSHRs");
+    assert_eq!((third.ready.at(), third.missed), (first.ready.at() + spec.l1d.hit_cycles, false));
 }

@@ -10,6 +10,7 @@ use crate::Cycle;
 use crate::cache::{Intent, Slot, Tags};
 use crate::counters::Cause;
 use crate::ring::Message;
+use crate::when::When;
 
 impl Hierarchy {
     /// The core at whose stop the home of `line` is: spread uniformly over all of them [chrysos12].
@@ -138,7 +139,7 @@ impl Hierarchy {
         } else {
             Cause::Remote
         };
-        L2Access { ready: done, cause, owned: next.is_owner(), missed: true, written_back }
+        L2Access { ready: When::new(done, cause), owned: next.is_owner(), missed: true, written_back }
     }
 
     /// Has the copy of `peer` invalidated by `home` at `now`; returns when its answer is with `requester`: the line, after so

@@ -22,62 +22,69 @@ pub(crate) use walk::locked;
 pub(crate) use window::{WINDOW, Window};
 
 use crate::Cycle;
+use crate::cache::Intent;
 use crate::coherence::Hierarchy;
 use crate::config::MachineSpec;
 use crate::counters::Cause;
-use lrbsim_isa::arena::{STACK_BASE_LINE, STACK_LINES};
-use table::{Kind, Row, table};
+use crate::when::{Span, When};
+use table::{Row, table};
 use walk::Walk;
 
-/// A time and what it was spent on, in one word that compares by time first.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) struct When(u64);
+/// When each source of a uop is there.
+#[derive(Debug, Clone, Copy)]
+struct Sources([When; 3]);
 
-impl When {
-    pub(crate) const NEVER: When = When(u64::MAX);
-
+impl Sources {
+    /// Whether all are there at `now`, a bare time.
     #[inline(always)]
-    pub(crate) const fn new(at: Cycle, cause: Cause) -> When {
-        When(at << 4 | cause as u64)
+    fn are_there(self, now: When) -> bool {
+        let Sources([a, b, c]) = self;
+        a.max(b).max(c) < now.next_cycle()
     }
 
+    /// When all are there and `held` is over.
     #[inline(always)]
-    pub(crate) const fn at(self) -> Cycle {
-        self.0 >> 4
-    }
-
-    /// The cause's place in [`Cause::ALL`].
-    #[inline(always)]
-    pub(crate) const fn cause_index(self) -> u8 {
-        (self.0 & 15) as u8
+    fn after(self, held: When) -> When {
+        // In pairs, not in a row: every uop waits for this.
+        let Sources([a, b, c]) = self;
+        a.max(b).max(c.max(held))
     }
 }
 
 /// What does not change while a core runs.
 pub(crate) struct CoreTables {
     rows: Box<[Row; 256]>,
-    issue_interval: Cycle,
+    /// Until the thread that issued can issue again.
+    issue_interval: Span,
+    /// The same for a gather of one line.
+    gather_hold: Span,
     blocks_on_l1_miss: bool,
     gather_interval_x256: u64,
     gather_overhead: Cycle,
     atomic_cycles: Cycle,
     l1_hit_cycles: Cycle,
-    /// Whether lines of a gather are asked for cycle by cycle (`cycle`) rather than when it issues (`windowed`).
-    stepwise: bool,
 }
 
 impl CoreTables {
-    pub(crate) fn new(spec: &MachineSpec, stepwise: bool) -> CoreTables {
+    pub(crate) fn new(spec: &MachineSpec) -> CoreTables {
         CoreTables {
             rows: table(spec),
-            issue_interval: spec.core.issue_interval,
+            issue_interval: Span::new(spec.core.issue_interval, Cause::Dependency),
+            gather_hold: Span::new(1 + spec.core.gather_overhead, Cause::GatherLines),
             blocks_on_l1_miss: spec.core.blocks_on_l1_miss,
             gather_interval_x256: spec.core.gather_interval_x256,
             gather_overhead: spec.core.gather_overhead,
             atomic_cycles: spec.atomic_cycles,
             l1_hit_cycles: spec.l1d.hit_cycles,
-            stepwise,
         }
+    }
+}
+
+impl CoreTables {
+    /// The row of the uop at `pc`.
+    #[inline(always)]
+    fn row(&self, uops: &[u32], pc: usize) -> Row {
+        self.rows[(uops[pc] & 0xff) as usize]
     }
 }
 
@@ -94,7 +101,6 @@ pub(crate) struct Core {
     pub(crate) wake: Cycle,
     /// Where the round robin stands.
     turn: usize,
-    pub(crate) paired: u64,
     pub(crate) issued: u64,
 }
 
@@ -108,7 +114,6 @@ impl Core {
             running: 0,
             wake: Cycle::MAX,
             turn: 0,
-            paired: 0,
             issued: 0,
         }
     }
@@ -121,7 +126,7 @@ impl Core {
             thread.next = if takes_part { When::new(now, Cause::Queue) } else { When::NEVER };
         }
         self.stack.start(now);
-        (self.issued, self.paired, self.arrival) = (0, 0, now);
+        (self.issued, self.arrival) = (0, now);
         self.running = count as u32;
         self.update_wake();
     }
@@ -162,9 +167,13 @@ impl Core {
         if let Some(index) = chosen {
             let thread = &mut self.threads[index];
             let waited_for = thread.next;
-            let uops = thread.issue(tables, hierarchy, self.index, now);
-            self.issued += uops;
-            self.paired += uops - 1;
+            let (before, mut pc) = (thread.pc, thread.pc);
+            let mut row = tables.row(&thread.stream.uops, pc);
+            thread.next =
+                thread.issue::<true>(tables, hierarchy, self.index, When::bare(now), &mut pc, &mut row);
+            thread.pc = pc;
+            thread.note_end();
+            self.issued += (pc - before) as u64;
             self.stack.issue(now, waited_for);
             self.turn = index;
         }
@@ -175,145 +184,173 @@ impl Core {
 }
 
 impl Thread {
-    /// Issues the next uop at `now`, and the one after it if they pair; returns how many. Then [`Thread::next`] says when
-    /// the thread can go on.
+    /// Issues the uop at `pc`, whose class has `row`, at `now`, a bare time, and the one after it if they pair; moves `pc` and
+    /// `row` past them. Returns when the thread can go on. Lines of a gather are handed on when they are due if `STEPWISE`
+    /// (`cycle`), else at once (`windowed`).
     #[inline(always)]
-    pub(crate) fn issue(
+    fn issue<const STEPWISE: bool>(
         &mut self,
         tables: &CoreTables,
         hierarchy: &mut Hierarchy,
         core: usize,
-        now: Cycle,
-    ) -> u64 {
-        let first = self.stream.uops[self.pc];
-        let row = tables.rows[(first & 0xff) as usize];
-        let free = When::new(now + tables.issue_interval, Cause::Dependency);
-        let mut hold = free;
-        self.execute(tables, hierarchy, core, now, first, row, &mut hold);
-        let mut uops = 1;
+        now: When,
+        pc: &mut usize,
+        row: &mut Row,
+    ) -> When {
+        let free = now.plus(tables.issue_interval);
+        let held = self.execute::<STEPWISE>(tables, hierarchy, core, now, *pc, *row);
+        *pc += 1;
+        if *pc >= self.stream.uops.len() || STEPWISE && self.state == State::Walking {
+            return held.max(free);
+        }
 
         // The second pipe: the next uop, if its sources are there now and the two need different things.
-        if self.pc < self.stream.uops.len() {
-            let second = self.stream.uops[self.pc];
-            let second_row = tables.rows[(second & 0xff) as usize];
-            let mut sources = self.sources(second, second_row);
-            if row.pairs_with(second_row)
-                && sources.at() <= now
-                && hold == free
-                && self.state == State::Running
-            {
-                self.execute(tables, hierarchy, core, now, second, second_row, &mut hold);
-                uops = 2;
-                if self.pc < self.stream.uops.len() {
-                    let third = self.stream.uops[self.pc];
-                    sources = self.sources(third, tables.rows[(third & 0xff) as usize]);
-                } else {
-                    sources = When(0);
-                }
-            }
-            self.next = if self.state == State::Walking { hold } else { hold.max(sources) };
-        } else {
-            self.next = hold;
+        let first_row = *row;
+        *row = tables.row(&self.stream.uops, *pc);
+        let sources = self.sources(*pc, *row);
+        if !(first_row.pairs_with(*row) && held <= free && sources.are_there(now)) {
+            return sources.after(held.max(free));
         }
+        let held = self.execute::<STEPWISE>(tables, hierarchy, core, now, *pc, *row);
+        *pc += 1;
+        if *pc >= self.stream.uops.len() || STEPWISE && self.state == State::Walking {
+            return held.max(free);
+        }
+        *row = tables.row(&self.stream.uops, *pc);
+        self.sources(*pc, *row).after(held.max(free))
+    }
+
+    /// Notices that the last uop of the stream has been issued, and its lines handed on.
+    #[inline(always)]
+    fn note_end(&mut self) {
         if self.pc == self.stream.uops.len() && self.state == State::Running {
             self.state = State::Ended;
         }
-        uops
     }
 
     /// When the sources of the uop at `pc` are there.
     #[inline(always)]
-    fn sources(&mut self, uop: u32, row: Row) -> When {
+    fn sources(&mut self, pc: usize, row: Row) -> Sources {
+        let uop = self.stream.uops[pc];
         // Distance 0 looks at the uop's own place, where it finds 0: always ready.
-        self.ready[self.pc % 256] = When(0);
-        let place = |distance: u32| self.pc.wrapping_sub(distance as usize) % 256;
-        let a = self.ready[place(uop >> 8 & 0xff)];
-        let b = self.ready[place(uop >> 16 & 0xff)];
-        let c = self.ready[place(uop >> 24 & row.third_producer())];
-        a.max(b).max(c)
+        self.ready[pc % 256] = When::ZERO;
+        let ready = |distance: u32| self.ready[pc.wrapping_sub(distance as usize) % 256];
+        Sources([ready(uop >> 8 & 0xff), ready(uop >> 16 & 0xff), ready(uop >> 24 & row.third_producer())])
     }
 
-    /// Executes a uop at `now`: its result's time goes to the ready ring, and `hold` is moved to when its thread may go on.
+    /// Executes the uop at `pc` at `now`, a bare time: its result's time goes to the ready ring. Returns until when it holds
+    /// its thread.
     #[inline(always)]
-    #[expect(
-        clippy::too_many_arguments,
-        reason = "inlined into its only caller; a struct would go through memory"
-    )]
-    fn execute(
+    fn execute<const STEPWISE: bool>(
         &mut self,
         tables: &CoreTables,
         hierarchy: &mut Hierarchy,
         core: usize,
-        now: Cycle,
-        uop: u32,
+        now: When,
+        pc: usize,
         row: Row,
-        hold: &mut When,
-    ) {
-        let place = self.pc % 256;
-        self.pc += 1;
+    ) -> When {
         if row.is_compute() {
-            self.ready[place] = When::new(now + row.latency(), Cause::Dependency);
-            return;
+            self.ready[pc % 256] = now.plus(row.latency());
+            return When::ZERO;
         }
+        self.execute_other::<STEPWISE>(tables, hierarchy, core, now, pc)
+    }
+
+    /// The same for a branch or a uop that touches memory.
+    #[inline(never)]
+    fn execute_other<const STEPWISE: bool>(
+        &mut self,
+        tables: &CoreTables,
+        hierarchy: &mut Hierarchy,
+        core: usize,
+        now: When,
+        pc: usize,
+    ) -> When {
+        let uop = self.stream.uops[pc];
+        let row = tables.rows[(uop & 0xff) as usize];
         if row.is_branch() {
-            self.ready[place] = When::new(now + 1, Cause::Dependency);
-            *hold = (*hold).max(When::new(now + row.latency(), Cause::Dependency));
-            return;
+            // Nobody reads its result.
+            return now.plus(row.latency());
         }
-        if let Some(write) = row.access_writes()
-            && uop >> 24 == 1
-        {
-            // The common case: one line, and the L1 has it.
-            let line = self.stream.lines[self.line_pc];
-            if hierarchy.l1_hit(core, line, write).is_ok() {
-                self.line_pc += 1;
-                self.ready[place] = When::new(now + row.latency(), Cause::L1);
-                return;
+        let mut due = now.at();
+        if uop >> 24 == 1 {
+            // The common case: one line, which is handed on here and now.
+            match self.one_line(tables, hierarchy, core, now, row, pc) {
+                Some(Ok(held)) => return held,
+                Some(Err(retry)) => due = retry,
+                None => {}
             }
         }
-        self.start_walk(tables, hierarchy, core, now, uop, hold);
+        let walk = Walk::new(pc, row, uop >> 24, now.at(), due);
+        self.start_walk::<STEPWISE>(tables, hierarchy, core, walk, now.at())
     }
 
-    /// Starts handing the lines of a memory uop to the caches.
-    #[inline(never)]
-    fn start_walk(
+    /// The same for a load, a store, a gather, a scatter or an L1 prefetch of one line; `None` for others. `Err` is the time
+    /// to ask again, when all MSHRs are taken.
+    #[inline(always)]
+    fn one_line(
         &mut self,
         tables: &CoreTables,
         hierarchy: &mut Hierarchy,
         core: usize,
+        now: When,
+        row: Row,
+        pc: usize,
+    ) -> Option<Result<When, Cycle>> {
+        let lines = &self.stream.lines[self.line_pc..];
+        let mut ready = now.plus(row.latency());
+        let mut held = When::ZERO;
+        if let Some(intent) = row.loads_or_stores() {
+            let access = match walk::load_or_store(hierarchy, core, lines, intent, now.at()) {
+                Ok(access) => access,
+                Err(retry) => return Some(Err(retry)),
+            };
+            ready = ready.max(access.ready);
+            if row.is_gather() {
+                held = now.plus(tables.gather_hold);
+            }
+            if tables.blocks_on_l1_miss && access.missed {
+                held = held.max(ready);
+            }
+        } else if row.is_l1_prefetch() {
+            // Nothing waits for it.
+            if let Err(retry) = hierarchy.access(core, lines[0], Intent::Read, now.at()) {
+                return Some(Err(retry));
+            }
+        } else {
+            return None;
+        }
+        self.line_pc += 1;
+        self.ready[pc % 256] = ready;
+        Some(Ok(held))
+    }
+
+    /// Starts handing the lines of a memory uop to the caches. Returns until when that holds the thread.
+    #[inline(never)]
+    fn start_walk<const STEPWISE: bool>(
+        &mut self,
+        tables: &CoreTables,
+        hierarchy: &mut Hierarchy,
+        core: usize,
+        walk: Walk,
         now: Cycle,
-        uop: u32,
-        hold: &mut When,
-    ) {
-        let row = tables.rows[(uop & 0xff) as usize];
-        let lines = uop >> 24;
-        let walk = Walk::new(self.pc - 1, row, lines, now);
-        let until = if tables.stepwise { now } else { Cycle::MAX };
-        *hold = (*hold).max(self.advance_walk(tables, hierarchy, core, walk, until));
+    ) -> When {
+        self.advance_walk::<STEPWISE>(tables, hierarchy, core, walk, now)
     }
 
     /// Goes on with a gather whose next line is due.
     fn continue_walk(&mut self, tables: &CoreTables, hierarchy: &mut Hierarchy, core: usize, now: Cycle) {
-        let hold = self.advance_walk(tables, hierarchy, core, self.walk, now);
+        let hold = self.advance_walk::<true>(tables, hierarchy, core, self.walk, now);
         if self.state == State::Walking {
             self.next = hold;
             return;
         }
         self.next = hold.max(When::new(now + 1, Cause::Dependency));
         if self.pc < self.stream.uops.len() {
-            let uop = self.stream.uops[self.pc];
-            self.next = self.next.max(self.sources(uop, tables.rows[(uop & 0xff) as usize]));
-        } else {
-            self.state = State::Ended;
+            let row = tables.row(&self.stream.uops, self.pc);
+            self.next = self.sources(self.pc, row).after(self.next);
         }
-    }
-
-    /// The line of the walk's next access.
-    fn next_line(&self, kind: Kind) -> u32 {
-        let line = self.stream.lines[self.line_pc];
-        match kind {
-            Kind::Spill(_) => STACK_BASE_LINE + self.number * STACK_LINES + line % STACK_LINES,
-            _ => line,
-        }
+        self.note_end();
     }
 }

@@ -1,8 +1,8 @@
 //! What a core's cycles were spent on.
 
-use super::When;
 use crate::Cycle;
 use crate::counters::Cause;
+use crate::when::When;
 
 /// Cycles by cause, complete up to a cycle.
 #[derive(Debug, Clone, Copy, Default)]

@@ -1,8 +1,9 @@
 //! What timing needs to know of a class, one row each.
 
-use crate::Cycle;
 use crate::cache::Intent;
 use crate::config::MachineSpec;
+use crate::counters::Cause;
+use crate::when::Span;
 use lrbsim_isa::uop::Class;
 
 /// What a uop of a class does to its thread and to memory.
@@ -28,6 +29,13 @@ pub(super) enum Kind {
     Spill(Intent),
 }
 
+impl Kind {
+    #[inline(always)]
+    pub(super) fn is_prefetch(self) -> bool {
+        matches!(self, Kind::PrefetchL1 | Kind::PrefetchL2 | Kind::GatherPrefetch)
+    }
+}
+
 /// Uses of issue resources; two uops with one in common do not pair.
 pub(super) const PIPE_U: u8 = 1;
 pub(super) const LOAD_PORT: u8 = 2;
@@ -37,7 +45,7 @@ const BRANCH_UNIT: u8 = 8;
 /// One row, in one word of the host.
 ///
 /// ```text
-/// bits  0..32  latency
+/// bits  0..32  latency and cause, as a Span
 ///      32..40  0xff where the last byte of the uop is a distance, 0 where it counts lines
 ///      40..48  what it uses; bit 7 always
 ///      48..56  what a uop that pairs with it must not use
@@ -67,17 +75,19 @@ const KINDS: [Kind; 13] = [
 
 impl Row {
     /// Of no uop.
-    pub(super) const NONE: Row = Row::new(1, 0, PIPE_U, PIPE_U, 0);
+    pub(super) const NONE: Row = Row::new(Span::new(1, Cause::Dependency), 0, PIPE_U, PIPE_U, 0);
 
-    const fn new(latency: u32, third_producer: u8, uses: u8, excludes: u8, kind: usize) -> Row {
+    /// A latency is far below 2^28 cycles.
+    const fn new(latency: Span, third_producer: u8, uses: u8, excludes: u8, kind: usize) -> Row {
         let bytes =
             (kind as u32) << 24 | (excludes as u32) << 16 | (uses as u32) << 8 | third_producer as u32;
-        Row((bytes as u64) << 32 | latency as u64)
+        Row((bytes as u64) << 32 | latency.bits())
     }
 
+    /// Of the result of a computation, or of an access to one line that hits the L1.
     #[inline(always)]
-    pub(super) fn latency(self) -> Cycle {
-        self.0 & 0xffff_ffff
+    pub(super) fn latency(self) -> Span {
+        Span::from_bits(self.0 & 0xffff_ffff)
     }
 
     /// What the last byte of a uop is taken with to give a distance.
@@ -107,11 +117,24 @@ impl Row {
         self.0 >> 56 == 1
     }
 
-    /// Of a load or store of neighbors: whether it writes.
+    /// Of a load, a store, a gather or a scatter: what it wants of its lines.
     #[inline(always)]
-    pub(super) fn access_writes(self) -> Option<bool> {
-        let place = self.0 >> 56;
-        (place.wrapping_sub(2) < 3).then_some(place != 2)
+    pub(super) fn loads_or_stores(self) -> Option<Intent> {
+        match self.kind() {
+            Kind::Access(intent) | Kind::Gather(intent) => Some(intent),
+            _ => None,
+        }
+    }
+
+    /// Of one of those: whether it is a gather or a scatter.
+    #[inline(always)]
+    pub(super) fn is_gather(self) -> bool {
+        matches!(self.kind(), Kind::Gather(_))
+    }
+
+    #[inline(always)]
+    pub(super) fn is_l1_prefetch(self) -> bool {
+        self.kind() == Kind::PrefetchL1
     }
 }
 
@@ -158,7 +181,8 @@ fn row(spec: &MachineSpec, class: Class) -> Row {
         Class::SpillStore => (1, STORE_PORT, Spill(Write)),
         Class::SpillLoad => (hit, LOAD_PORT, Spill(Read)),
     };
-    let latency = u32::try_from(latency).expect("validated: a latency is far below 2^32 cycles");
+    debug_assert!(latency < 1 << 28, "validated");
+    let latency = Span::new(latency, if class.is_memory() { Cause::L1 } else { Cause::Dependency });
     let third_producer = if class.is_memory() { 0 } else { 0xff };
     // Behind a branch, and on a core of one pipe, nothing pairs.
     let alone = kind == Branch || !core.dual_issue;

@@ -1,8 +1,8 @@
 //! A hardware thread.
 
-use super::When;
 use super::walk::Walk;
 use crate::counters::Cause;
+use crate::when::When;
 use lrbsim_isa::stream::Stream;
 use std::collections::VecDeque;
 
@@ -19,20 +19,21 @@ pub(crate) enum State {
     Done,
 }
 
-/// One hardware thread and the tasks it holds.
+/// One hardware thread and the tasks it holds. What every uop needs lies in the first line of the host's cache.
+#[repr(C, align(64))]
 pub(crate) struct Thread {
-    /// Number on the chip: whose stack spills go to.
-    pub(super) number: u32,
-    pub(crate) state: State,
     /// When it acts next, and what it waits for.
     pub(crate) next: When,
-    pub(crate) stream: Stream,
-    /// The rest of its chunk.
-    pub(crate) queue: VecDeque<Stream>,
     pub(super) pc: usize,
-    pub(super) line_pc: usize,
+    pub(crate) state: State,
+    /// Number on the chip: whose stack spills go to.
+    pub(super) number: u32,
     /// When the results of the last 256 uops are there, by place in the stream modulo 256.
     pub(super) ready: Box<[When; 256]>,
+    pub(crate) stream: Stream,
+    pub(super) line_pc: usize,
+    /// The rest of its chunk.
+    pub(crate) queue: VecDeque<Stream>,
     pub(super) walk: Walk,
 }
 

@@ -1,11 +1,13 @@
 //! Handing the lines of one memory uop to the caches, one after the other.
 
 use super::table::{Kind, Row};
-use super::{CoreTables, State, Thread, When};
+use super::{CoreTables, State, Thread};
 use crate::Cycle;
 use crate::cache::Intent;
 use crate::coherence::{Access, Hierarchy};
 use crate::counters::Cause;
+use crate::when::When;
+use lrbsim_isa::arena::{STACK_BASE_LINE, STACK_LINES};
 
 /// How far a memory uop has come.
 #[derive(Debug, Clone, Copy)]
@@ -26,7 +28,8 @@ pub(crate) struct Walk {
 }
 
 impl Walk {
-    pub(super) fn new(uop: usize, row: Row, lines: u32, now: Cycle) -> Walk {
+    /// Of the uop at place `uop`, issued at `now`; the first of its lines is handed on at `due`.
+    pub(super) fn new(uop: usize, row: Row, lines: u32, now: Cycle, due: Cycle) -> Walk {
         let nothing = When::new(0, Cause::Dependency);
         Walk {
             uop,
@@ -34,53 +37,77 @@ impl Walk {
             lines,
             done: 0,
             issued: now,
-            due: now,
+            due,
             last: now,
-            ready: When::new(now + row.latency(), Cause::L1),
+            ready: When::bare(now).plus(row.latency()),
             missing: nothing,
         }
     }
 
     pub(super) fn idle() -> Walk {
-        Walk::new(0, Row::NONE, 0, 0)
+        Walk::new(0, Row::NONE, 0, 0, 0)
     }
 }
 
 impl Thread {
-    /// Hands on the lines of `walk` that are due until `until`. Returns when the thread may go on; its state says whether
-    /// that is with the next line ([`State::Walking`]) or with the next uop.
+    /// Hands on the lines of `walk` that are due: all, or if `STEPWISE` those until `until`. Returns when the thread may go
+    /// on; its state says whether that is with the next line ([`State::Walking`]) or with the next uop.
     #[inline(always)]
-    pub(super) fn advance_walk(
+    pub(super) fn advance_walk<const STEPWISE: bool>(
         &mut self,
         tables: &CoreTables,
         hierarchy: &mut Hierarchy,
         core: usize,
-        mut walk: Walk,
+        walk: Walk,
         until: Cycle,
     ) -> When {
+        let gather = tables.gather_interval_x256;
+        match walk.row.kind() {
+            Kind::Gather(intent) => {
+                self.hand_on::<STEPWISE>(tables, hierarchy, walk, until, gather, |hierarchy, lines, now| {
+                    load_or_store(hierarchy, core, lines, intent, now)
+                })
+            }
+            Kind::Access(intent) => {
+                self.hand_on::<STEPWISE>(tables, hierarchy, walk, until, 256, |hierarchy, lines, now| {
+                    load_or_store(hierarchy, core, lines, intent, now)
+                })
+            }
+            Kind::Spill(intent) => {
+                let stack = STACK_BASE_LINE + self.number * STACK_LINES;
+                self.hand_on::<STEPWISE>(tables, hierarchy, walk, until, 256, |hierarchy, lines, now| {
+                    load_or_store(hierarchy, core, &[stack + lines[0] % STACK_LINES], intent, now)
+                })
+            }
+            kind => {
+                let interval = if kind == Kind::GatherPrefetch { gather } else { 256 };
+                self.hand_on::<STEPWISE>(tables, hierarchy, walk, until, interval, |hierarchy, lines, now| {
+                    special(hierarchy, tables, core, lines[0], kind, now)
+                })
+            }
+        }
+    }
+
+    /// The same for a kind of uop. `access` is called with what is left of the stream's lines; it hands on the first.
+    #[inline(always)]
+    fn hand_on<const STEPWISE: bool>(
+        &mut self,
+        tables: &CoreTables,
+        hierarchy: &mut Hierarchy,
+        mut walk: Walk,
+        until: Cycle,
+        interval_x256: u64,
+        access: impl Fn(&mut Hierarchy, &[u32], Cycle) -> Result<Access, Cycle>,
+    ) -> When {
         let kind = walk.row.kind();
-        let (data, interval_x256) = match kind {
-            Kind::Gather(intent) => (Some(intent), tables.gather_interval_x256),
-            Kind::GatherPrefetch => (None, tables.gather_interval_x256),
-            Kind::Access(intent) | Kind::Spill(intent) => (Some(intent), 256),
-            _ => (None, 256),
-        };
         while walk.done < walk.lines {
-            if walk.due > until {
+            if STEPWISE && walk.due > until {
                 self.walk = walk;
                 self.state = State::Walking;
                 let full = walk.due > walk.last + 1 + (tables.gather_interval_x256 >> 8);
                 return When::new(walk.due, if full { Cause::L1 } else { Cause::GatherLines });
             }
-            let line = self.next_line(kind);
-            let accessed = match data {
-                Some(intent) => {
-                    let next = self.stream.lines.get(self.line_pc + 1..self.line_pc + 3);
-                    load_or_store(hierarchy, core, line, intent, walk.due, next)
-                }
-                None => special(hierarchy, tables, core, line, kind, walk.due),
-            };
-            match accessed {
+            match access(hierarchy, &self.stream.lines[self.line_pc..], walk.due) {
                 // All MSHRs taken: this line and those behind it wait.
                 Err(retry) => {
                     debug_assert!(retry > walk.due);
@@ -92,11 +119,10 @@ impl Thread {
                     walk.last = walk.due;
                     // A store is done for its thread when the line is there; nobody reads its result. Nothing waits for a
                     // prefetch.
-                    if data.is_some() || kind == Kind::Atomic {
-                        let ready = When::new(access.ready, access.cause);
-                        walk.ready = walk.ready.max(ready);
+                    if !kind.is_prefetch() {
+                        walk.ready = walk.ready.max(access.ready);
                         if access.missed {
-                            walk.missing = walk.missing.max(ready);
+                            walk.missing = walk.missing.max(access.ready);
                         }
                     }
                     let spaced = walk.issued + ((u64::from(walk.done) * interval_x256) >> 8);
@@ -125,30 +151,31 @@ impl Thread {
     }
 }
 
-/// One line of a load, a store, a gather or a scatter; `next` come after it in the stream.
+/// The first of the `lines` left of the stream, for a load, a store, a gather or a scatter.
 #[inline(always)]
-fn load_or_store(
+pub(super) fn load_or_store(
     hierarchy: &mut Hierarchy,
     core: usize,
-    line: u32,
+    lines: &[u32],
     intent: Intent,
     now: Cycle,
-    next: Option<&[u32]>,
 ) -> Result<Access, Cycle> {
+    let line = lines[0];
     let mut access = match hierarchy.l1_hit(core, line, intent != Intent::Read) {
         Ok(()) => hierarchy.hit(now),
         Err(slot) => {
-            // Where one line misses the next often do: the host fetches what they will need while it works on this one.
-            if let Some(&[one, two]) = next {
-                hierarchy.prefetch(core, one);
-                hierarchy.prefetch(core, two);
+            // Where one line misses those behind it often do: the host fetches what they will need meanwhile.
+            if let Some(later) = lines.get(2)
+                && slot.is_none()
+            {
+                hierarchy.prefetch(core, *later);
             }
             hierarchy.access_beyond_hit(core, line, slot, intent, now)?
         }
     };
     if intent != Intent::Read && !access.missed {
         // Into the store buffer: done at once.
-        access.ready = now + 1;
+        access.ready = When::new(now + 1, Cause::L1);
     }
     Ok(access)
 }
@@ -167,7 +194,7 @@ fn special(
         Kind::PrefetchL1 | Kind::GatherPrefetch => hierarchy.access(core, line, Intent::Read, now),
         Kind::PrefetchL2 => {
             hierarchy.prefetch_l2(core, line, now)?;
-            Ok(Access { ready: now + 1, cause: Cause::L2, missed: false })
+            Ok(Access { ready: When::new(now + 1, Cause::L2), missed: false })
         }
         Kind::Atomic => {
             let access = locked(hierarchy, core, line, tables.atomic_cycles, tables.l1_hit_cycles, now)?;
@@ -192,7 +219,7 @@ pub(crate) fn locked(
 ) -> Result<Access, Cycle> {
     let access = hierarchy.access(core, line, Intent::Write, now)?;
     // The operation's latency contains the look-up of a hit.
-    let start = if access.missed { access.ready } else { access.ready - l1_hit_cycles };
+    let start = if access.missed { access.ready.at() } else { access.ready.at() - l1_hit_cycles };
     let ready = hierarchy.caches[core].lock(line, start.max(now), atomic_cycles);
-    Ok(Access { ready, cause: Cause::Atomic, missed: access.missed })
+    Ok(Access { ready: When::new(ready, Cause::Atomic), missed: access.missed })
 }

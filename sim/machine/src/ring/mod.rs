@@ -21,7 +21,7 @@ use crate::Cycle;
 use crate::config::{MachineSpec, RingSpec};
 use crate::counters::RingCounters;
 use belt::Belt;
-use links::{Links, Ride};
+use links::Counts;
 
 /// Bytes of a request or acknowledgement, for the counters.
 const SHORT_BYTES: u64 = 8;
@@ -51,21 +51,20 @@ struct Place {
     stop: u32,
 }
 
-/// Both directions of one ring, for all kinds of message.
-#[derive(Debug)]
+/// One ring, or the ring of rings.
+#[derive(Debug, Clone, Copy)]
 struct Loop {
     stops: u32,
     hop_cycles: u32,
-    tracks: Tracks,
 }
 
-/// How the slots of a ring are kept, by lane and direction.
+/// How the slots of the rings are kept.
 #[derive(Debug)]
 enum Tracks {
-    /// Every slot: `cycle`, and rings with too many stops for the other way.
+    /// Every slot, by ring, lane and direction: `cycle`, and rings with too many stops for the other way.
     Slots(Vec<Belt>),
-    /// How many in a window: `windowed`. From each stop to each other there is a way, row by row.
-    Counts { ways: Vec<CountedWay>, links: Vec<Links> },
+    /// How many in a window: `windowed`.
+    Counts(Counts),
 }
 
 /// The shortest way from a stop to another.
@@ -76,93 +75,24 @@ struct Way {
     directions: [u8; 2],
 }
 
-/// The same where slots are counted.
-#[derive(Debug)]
-struct CountedWay {
-    way: Way,
-    ride_cycles: u32,
-    rides: [Ride; 2],
-}
-
 /// All rings.
 #[derive(Debug)]
 pub(crate) struct Rings {
     spec: RingSpec,
     /// By core.
     places: Vec<Place>,
-    rings: Vec<Loop>,
-    bridge: Loop,
+    /// The rings, then the ring of rings.
+    loops: Vec<Loop>,
+    tracks: Tracks,
     /// Slots that a message takes, by kind.
     slots: [u32; 3],
     /// Tracks that it takes, by kind.
     lanes: [Lanes; 3],
+    /// Lanes of each ring.
+    lane_count: usize,
+    /// Lines sent.
+    lines: u64,
     counters: RingCounters,
-}
-
-impl Loop {
-    fn new(stops: u32, hop_cycles: Cycle, lanes: u32, exact: bool) -> Loop {
-        let hop_cycles = u32::try_from(hop_cycles).expect("validated: far below 2^32 cycles");
-        let tracks = if exact || stops > links::STOPS_MAX {
-            // Links are pipelined: between two stops there are as many slots as a hop has cycles.
-            Tracks::Slots((0..2 * lanes).map(|_| Belt::new(stops * hop_cycles)).collect())
-        } else {
-            let counted = |from: u32, to: u32| {
-                let way = way(stops, from, to);
-                // Link l joins stop l and the next.
-                let ride = |direction| match direction {
-                    0 => Ride::new(from, way.hops, stops),
-                    _ => Ride::new(from + stops - way.hops, way.hops, stops),
-                };
-                CountedWay { way, ride_cycles: way.hops * hop_cycles, rides: way.directions.map(ride) }
-            };
-            let ways = (0..stops).flat_map(|from| (0..stops).map(move |to| counted(from, to))).collect();
-            Tracks::Counts { ways, links: (0..2 * lanes).map(|_| Links::new()).collect() }
-        };
-        Loop { stops, hop_cycles, tracks }
-    }
-
-    /// Takes a message of `slots` slots of a lane from a stop to another; returns when it has arrived whole.
-    #[inline(always)]
-    fn carry(
-        &mut self,
-        from: u32,
-        to: u32,
-        lane: usize,
-        slots: u32,
-        now: Cycle,
-        counters: &mut RingCounters,
-    ) -> Cycle {
-        let parity = (now & 1) as usize;
-        let (board, hops, ride_cycles) = match &mut self.tracks {
-            Tracks::Counts { ways, links } => {
-                let CountedWay { way, ride_cycles, rides } = &ways[(from * self.stops + to) as usize];
-                if way.hops == 0 {
-                    return now;
-                }
-                let links = &mut links[lane * 2 + usize::from(way.directions[parity])];
-                let board = links.take(rides[parity], slots, now) + u64::from(slots - 1);
-                (board, way.hops, *ride_cycles)
-            }
-            Tracks::Slots(belts) => {
-                let way = way(self.stops, from, to);
-                if way.hops == 0 {
-                    return now;
-                }
-                let direction = usize::from(way.directions[parity]);
-                let ride_cycles = way.hops * self.hop_cycles;
-                let belt = &mut belts[lane * 2 + direction];
-                let mut board = belt.board(from * self.hop_cycles, ride_cycles, direction, now);
-                for _ in 1..slots {
-                    board = belt.board(from * self.hop_cycles, ride_cycles, direction, board + 1);
-                }
-                (board, way.hops, ride_cycles)
-            }
-        };
-        counters.slot_hops += u64::from(slots * hops);
-        // All slots could be had one after the other from the first cycle on: the rest is waiting.
-        counters.wait_cycles += board - now - u64::from(slots - 1);
-        board + u64::from(ride_cycles)
-    }
 }
 
 /// The shortest way on a ring of `stops`.
@@ -187,14 +117,31 @@ impl Rings {
             _ => Lanes { first: 1 + address as usize, count: acknowledge.into() },
         };
         let lanes = [addresses, acknowledges, Lanes { first: 0, count: 1 }];
-        let places = |ring| (0..size(ring)).map(move |stop| Place { ring, stop });
+        let places: Vec<Place> =
+            (0..rings).flat_map(|ring| (0..size(ring)).map(move |stop| Place { ring, stop })).collect();
+        let cycles = |cycles| u32::try_from(cycles).expect("validated: far below 2^32 cycles");
+        let mut loops: Vec<Loop> = (0..rings)
+            .map(|ring| Loop { stops: size(ring), hop_cycles: cycles(spec.ring.hop_cycles) })
+            .collect();
+        loops.push(Loop { stops: rings, hop_cycles: cycles(spec.ring.crossing_cycles) });
+        let lane_count = count as usize;
+        let tracks = if exact || loops.iter().any(|ring| ring.stops > links::STOPS_MAX) {
+            // Links are pipelined: between two stops there are as many slots as a hop has cycles.
+            let belts =
+                |ring: &Loop| (0..2 * lane_count).map(|_| Belt::new(ring.stops * ring.hop_cycles)).collect();
+            Tracks::Slots(loops.iter().flat_map::<Vec<Belt>, _>(belts).collect())
+        } else {
+            Tracks::Counts(Counts::new(&places, &loops, lane_count))
+        };
         Rings {
             spec: spec.ring.clone(),
-            places: (0..rings).flat_map(places).collect(),
-            rings: (0..rings).map(|ring| Loop::new(size(ring), spec.ring.hop_cycles, count, exact)).collect(),
-            bridge: Loop::new(rings, spec.ring.crossing_cycles, count, exact),
+            places,
+            loops,
+            tracks,
             slots: [1, 1, spec.ring.line_slots],
             lanes,
+            lane_count,
+            lines: 0,
             counters: RingCounters::default(),
         }
     }
@@ -206,20 +153,23 @@ impl Rings {
             self.counters.local += 1;
             return now;
         }
-        let counters = &mut self.counters;
-        counters.messages += 1;
-        counters.bytes += [SHORT_BYTES, SHORT_BYTES, lrbsim_isa::arena::LINE_BYTES][message as usize];
+        self.counters.messages += 1;
+        self.lines += u64::from(message == Message::Line);
         let slots = self.slots[message as usize];
         let Lanes { first, count } = self.lanes[message as usize];
-        let lane = if count == 1 { first } else { first + (counters.messages % count) as usize };
-        let (from, to) = (self.places[from as usize], self.places[to as usize]);
-        if from.ring == to.ring {
-            let ring = &mut self.rings[from.ring as usize];
-            return ring.carry(from.stop, to.stop, lane, slots, now, counters);
+        let lane = if count == 1 { first } else { first + (self.counters.messages % count) as usize };
+        let counters = &mut self.counters;
+        match &mut self.tracks {
+            Tracks::Counts(counts) => counts.carry(from, to, lane, slots, now, counters),
+            Tracks::Slots(belts) => {
+                let (from, to) = (self.places[from as usize], self.places[to as usize]);
+                let carry = |ring: usize, from, to, now| {
+                    let belts = &mut belts[2 * (ring * self.lane_count + lane)..][..2];
+                    self.loops[ring].carry(belts, from, to, slots, now, counters)
+                };
+                legs(self.loops.len() - 1, from, to, now, carry)
+            }
         }
-        let out = self.rings[from.ring as usize].carry(from.stop, 0, lane, slots, now, counters);
-        let across = self.bridge.carry(from.ring, to.ring, lane, slots, out, counters);
-        self.rings[to.ring as usize].carry(0, to.stop, lane, slots, across, counters)
     }
 
     /// Cycles that messages have waited for slots so far.
@@ -230,7 +180,10 @@ impl Rings {
 
     /// Gives out what was counted since the last time.
     pub(crate) fn take_counters(&mut self) -> RingCounters {
-        std::mem::take(&mut self.counters)
+        let counters = std::mem::take(&mut self.counters);
+        let lines = std::mem::take(&mut self.lines);
+        let bytes = SHORT_BYTES * (counters.messages - lines) + lrbsim_isa::arena::LINE_BYTES * lines;
+        RingCounters { bytes, ..counters }
     }
 
     /// Cycles a message takes on idle rings.
@@ -242,17 +195,58 @@ impl Rings {
             Message::Address | Message::Acknowledge => 0,
             Message::Line => u64::from(self.spec.line_slots - 1),
         };
-        let leg = |on: &Loop, from, to| match way(on.stops, from, to).hops {
-            0 => 0,
-            hops => u64::from(hops * on.hop_cycles) + tail,
+        let leg = |ring: usize, from, to, now| match way(self.loops[ring].stops, from, to).hops {
+            0 => now,
+            hops => now + u64::from(hops * self.loops[ring].hop_cycles) + tail,
         };
-        let (from, to) = (self.places[from as usize], self.places[to as usize]);
-        if from.ring == to.ring {
-            return leg(&self.rings[from.ring as usize], from.stop, to.stop);
+        legs(self.loops.len() - 1, self.places[from as usize], self.places[to as usize], 0, leg)
+    }
+}
+
+/// Has a message go from place to place: on one ring, or by the ring of rings, `bridge`, from one to another. `carry` takes it
+/// along a ring from stop to stop, when it is there, and returns when it has arrived.
+#[inline(always)]
+fn legs(
+    bridge: usize,
+    from: Place,
+    to: Place,
+    now: Cycle,
+    mut carry: impl FnMut(usize, u32, u32, Cycle) -> Cycle,
+) -> Cycle {
+    if from.ring == to.ring {
+        return carry(from.ring as usize, from.stop, to.stop, now);
+    }
+    let out = carry(from.ring as usize, from.stop, 0, now);
+    let across = carry(bridge, from.ring, to.ring, out);
+    carry(to.ring as usize, 0, to.stop, across)
+}
+
+impl Loop {
+    /// Takes a message of `slots` slots from a stop to another, on the `belts` of its lane, up and down.
+    #[inline(always)]
+    fn carry(
+        self,
+        belts: &mut [Belt],
+        from: u32,
+        to: u32,
+        slots: u32,
+        now: Cycle,
+        counters: &mut RingCounters,
+    ) -> Cycle {
+        let way = way(self.stops, from, to);
+        if way.hops == 0 {
+            return now;
         }
-        leg(&self.rings[from.ring as usize], from.stop, 0)
-            + leg(&self.bridge, from.ring, to.ring)
-            + leg(&self.rings[to.ring as usize], 0, to.stop)
+        let direction = usize::from(way.directions[(now & 1) as usize]);
+        let ride_cycles = way.hops * self.hop_cycles;
+        let mut board = belts[direction].board(from * self.hop_cycles, ride_cycles, direction, now);
+        for _ in 1..slots {
+            board = belts[direction].board(from * self.hop_cycles, ride_cycles, direction, board + 1);
+        }
+        counters.slot_hops += u64::from(slots * way.hops);
+        // All slots could be had one after the other from the first cycle on: the rest is waiting.
+        counters.wait_cycles += board - now - u64::from(slots - 1);
+        board + u64::from(ride_cycles)
     }
 }
 

@@ -62,11 +62,11 @@ fn a_link_carries_one_line_a_cycle_and_no_more() {
 }
 
 #[test]
-fn a_counted_link_carries_64_lines_in_64_cycles_and_no_more() {
+fn a_counted_link_carries_32_lines_in_32_cycles_and_no_more() {
     let [_, mut rings] = both(12, |_| ());
-    let arrivals: Vec<Cycle> = (0..200).map(|_| rings.send(0, 1, Message::Line, 70)).collect();
-    let of_window = |first: Cycle| arrivals.iter().filter(|at| (first + 1..=first + 64).contains(at)).count();
-    assert_eq!([64, 128, 192, 256].map(of_window), [64, 64, 64, 8]);
+    let arrivals: Vec<Cycle> = (0..100).map(|_| rings.send(0, 1, Message::Line, 70)).collect();
+    let of_window = |first: Cycle| arrivals.iter().filter(|at| (first + 1..=first + 32).contains(at)).count();
+    assert_eq!([64, 96, 128, 160].map(of_window), [32, 32, 32, 4]);
 }
 
 #[test]
@@ -93,14 +93,14 @@ fn counted_links_fill_exactly_where_rides_pass() {
         let hops = up.min(12 - up);
         let first = if direction == 0 { from } else { to };
         let links: Vec<u32> = (first..first + hops).map(|link| link % 12).collect();
-        let mut window = now / 64;
-        while links.iter().any(|link| model.get(&(window, direction, *link)) == Some(&64)) {
+        let mut window = now / 32;
+        while links.iter().any(|link| model.get(&(window, direction, *link)) == Some(&32)) {
             window += 1;
         }
         for link in links {
             *model.entry((window, direction, link)).or_default() += 1;
         }
-        let expected = now.max(window * 64) * u64::from(hops > 0) + now * u64::from(hops == 0);
+        let expected = now.max(window * 32) * u64::from(hops > 0) + now * u64::from(hops == 0);
         assert_eq!(rings.send(from, to, Message::Address, now), expected + u64::from(hops));
     }
 }
@@ -111,7 +111,7 @@ fn every_core_has_its_own_stop() {
         let rings = rings(cores, |_| ());
         let mut places: Vec<_> = rings.places.clone();
         for Place { ring, stop } in &places {
-            assert!(*stop < rings.rings[*ring as usize].stops);
+            assert!(*stop < rings.loops[*ring as usize].stops);
         }
         places.dedup();
         assert_eq!(places.len(), cores as usize);

@@ -58,7 +58,7 @@ pub(crate) fn pull(hierarchy: &mut Hierarchy, core: usize, now: Cycle) -> Cycle 
     let mut at = now;
     loop {
         match locked(hierarchy, core, TASK_COUNTER_LINE.0, atomic, hit, at) {
-            Ok(access) => return access.ready + hierarchy.spec.dispatch_cycles,
+            Ok(access) => return access.ready.at() + hierarchy.spec.dispatch_cycles,
             Err(retry) => at = retry,
         }
     }
