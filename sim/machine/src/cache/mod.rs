@@ -57,8 +57,6 @@ pub(crate) struct CoreCaches {
     pub(crate) tlb: Tlb,
     /// Lines that locked operations of this core last used, and when the last of them ends.
     locks: [(u32, Cycle); 8],
-    /// Threads have taken turns at the L1 MSHRs since this was last taken back: their order matters cycle by cycle.
-    pub(crate) crowded: bool,
     pub(crate) l1_counters: CacheCounters,
     pub(crate) l2_counters: CacheCounters,
 }
@@ -74,7 +72,6 @@ impl CoreCaches {
             prefetcher: Prefetcher::new(None),
             tlb: Tlb::new(None),
             locks: [(u32::MAX, 0); 8],
-            crowded: false,
             l1_counters: CacheCounters::default(),
             l2_counters: CacheCounters::default(),
         }

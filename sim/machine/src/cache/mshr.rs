@@ -19,8 +19,6 @@ pub(crate) struct Mshrs {
     table: Vec<Mshr>,
     /// The line of each, in groups for the search.
     lines: Vec<[u32; GROUP]>,
-    /// The place behind the one that was taken last: of the one taken longest ago, as a rule the next to be free.
-    oldest: usize,
 }
 
 impl Mshrs {
@@ -29,7 +27,6 @@ impl Mshrs {
         Mshrs {
             table: vec![Mshr { fill: When::ZERO, free: 0 }; count],
             lines: vec![[NO_LINE; GROUP]; count.div_ceil(GROUP)],
-            oldest: 0,
         }
     }
 
@@ -48,12 +45,10 @@ impl Mshrs {
         (last.at() > now).then_some(last)
     }
 
-    /// The place of one that is free at `now`; `Err` is the time when one will be.
+    /// The place of one that is free at `now`; `Err` is the time when one will be. The first of them: requests that are timed
+    /// late for an early time then find others that nobody has held yet.
     #[inline]
     pub(crate) fn free(&self, now: Cycle) -> Result<usize, Cycle> {
-        if self.table[self.oldest].free <= now {
-            return Ok(self.oldest);
-        }
         let mut earliest = Cycle::MAX;
         for (place, mshr) in self.table.iter().enumerate() {
             if mshr.free <= now {
@@ -74,7 +69,6 @@ impl Mshrs {
     pub(crate) fn hold(&mut self, place: usize, line: u32, fill: When, free: Cycle) {
         self.table[place] = Mshr { fill, free: free.max(fill.at()) };
         self.lines[place / GROUP][place % GROUP] = line;
-        self.oldest = if place + 1 == self.table.len() { 0 } else { place + 1 };
     }
 
     /// Those under way at `now`, for messages: their lines, and when they are free.

@@ -34,8 +34,7 @@ pub(super) fn run(
             let index = if turn + offset >= count { turn + offset - count } else { turn + offset };
             let core = &mut cores[index];
             if core.wake < end {
-                let crowded = std::mem::take(&mut hierarchy.caches[core.index].crowded);
-                let mut window = Window::new(base, crowded);
+                let mut window = Window::new(base);
                 while let Some(thread) = core.run_window(tables, hierarchy, &mut window) {
                     step.feed(core, thread, hierarchy);
                 }

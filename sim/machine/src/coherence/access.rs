@@ -174,14 +174,7 @@ impl Hierarchy {
         }
 
         // A miss: every resource it needs must be free before anything changes.
-        let mshr = match caches.l1_mshrs.free(now) {
-            Ok(mshr) => mshr,
-            Err(retry) => {
-                // For less than a hit in the L2: threads take turns.
-                caches.crowded |= retry - now < self.spec.l2.hit_cycles;
-                return Err(retry);
-            }
-        };
+        let mshr = caches.l1_mshrs.free(now)?;
         let L2Access { ready, owned, missed, .. } = self.l2_access(core, line, intent, now)?;
         let caches = &mut self.caches[core];
         caches.l1_counters.misses += 1;

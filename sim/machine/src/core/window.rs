@@ -1,8 +1,7 @@
 //! Issue of 64 cycles at once.
 //!
 //! Each thread in turn takes free issue slots at or after the time it can go on; the turn moves on with every window. What
-//! the threads lose by not being interleaved inside a window they gain in the next. Where threads take turns at the MSHRs
-//! that is not so: who comes late finds them held for later times. Then a window is gone through in parts.
+//! the threads lose by not being interleaved inside a window they gain in the next.
 
 use super::{Core, CoreTables, State, Thread};
 use crate::Cycle;
@@ -12,16 +11,9 @@ use crate::when::When;
 /// Cycles in a window: bits in a word of the host. Half as many are no closer to `cycle` (`cargo bench --bench fidelity`).
 pub(crate) const WINDOW: Cycle = 64;
 
-/// Cycles of a part.
-const PART: Cycle = 16;
-
 /// A window under way.
 pub(crate) struct Window {
     start: Cycle,
-    /// End of the part under way.
-    end: Cycle,
-    /// Cycles of each: all, if there is but one.
-    part: Cycle,
     taken: u64,
     causes: [u8; WINDOW as usize],
     /// Which thread, counted from the turn, is to issue.
@@ -29,10 +21,8 @@ pub(crate) struct Window {
 }
 
 impl Window {
-    /// A window that begins at `start`; in parts on a core that is `crowded`.
-    pub(crate) fn new(start: Cycle, crowded: bool) -> Window {
-        let part = if crowded { PART } else { WINDOW };
-        Window { start, end: start + part, part, taken: 0, causes: [0; WINDOW as usize], offset: 0 }
+    pub(crate) fn new(start: Cycle) -> Window {
+        Window { start, taken: 0, causes: [0; WINDOW as usize], offset: 0 }
     }
 }
 
@@ -47,16 +37,7 @@ impl Core {
         window: &mut Window,
     ) -> Option<usize> {
         let count = self.threads.len();
-        loop {
-            if window.offset == count {
-                // The next part, with the next thread first.
-                self.turn = wrapped(self.turn + 1, count);
-                if window.end == window.start + WINDOW {
-                    break;
-                }
-                window.end += window.part;
-                window.offset = 0;
-            }
+        while window.offset < count {
             let index = wrapped(self.turn + window.offset, count);
             let thread = &mut self.threads[index];
             let before = thread.pc;
@@ -67,6 +48,7 @@ impl Core {
             }
             window.offset += 1;
         }
+        self.turn = wrapped(self.turn + 1, count);
 
         // Account the runs of issues and the gaps before them.
         let mut left = window.taken;
@@ -92,7 +74,7 @@ impl Thread {
         core: usize,
         window: &mut Window,
     ) -> bool {
-        let (start, end) = (When::bare(window.start), When::bare(window.end));
+        let (start, end) = (When::bare(window.start), When::bare(window.start + WINDOW));
         if self.next >= end {
             return false;
         }
