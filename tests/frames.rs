@@ -41,6 +41,10 @@ fn every_frame_is_the_run_at_its_time() {
     }
     let again = std::fs::read(folder.path("all/report.html")).expect("written");
     folder.run(&["report", "all"]).ok();
+    let picture = std::fs::read(folder.path("all/image.png")).expect("a picture");
+    folder.write("all/image.png", "no picture");
+    folder.run(&["report", "all"]).refused(&["all/image.png is not a PNG file"]);
+    std::fs::write(folder.path("all/image.png"), picture).expect("it can be put back");
     assert!(std::fs::read(folder.path("all/report.html")).expect("written").len() >= again.len() / 2);
 }
 

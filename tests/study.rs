@@ -131,7 +131,7 @@ fn an_interrupted_study_says_how_to_go_on() {
     folder.write("long.json", &STUDY.replace("\"tiny\"", "\"saloon-small\", \"fidelity\": \"cycle\""));
     let child = lrbsim()
         .current_dir(folder.path(""))
-        .args(["study", "long.json", "-j", "1"])
+        .args(["study", "long.json", "-j", "1", "--cache", "kept"])
         .stderr(Stdio::piped())
         .spawn()
         .expect("the binary starts");
@@ -141,9 +141,12 @@ fn an_interrupted_study_says_how_to_go_on() {
     let output = child.wait_with_output().expect("it ends");
     let message = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(130), "{message}");
-    for part in
-        ["stopped with ", " of 8 points finished", "kept in out/cache", "`lrbsim study long.json` goes on"]
-    {
+    for part in [
+        "stopped with ",
+        " of 8 points finished",
+        "kept in kept",
+        "`lrbsim study long.json --cache kept` goes on",
+    ] {
         assert!(message.contains(part), "`{part}` is not in {message}");
     }
 }
@@ -239,6 +242,26 @@ fn bad_studies_are_refused_with_place_and_remedy() {
     refused("\"pareto\"", "\"paretto\"", &["an analysis is one of", "\"pareto\"", "small.json:8:"]);
     refused("\"tiny\"", "\"tinny\"", &["`tinny` is no scene", "did you mean `tiny`?", "small.json:3:11"]);
     refused("\"axes\"", "\"axis\"", &["unknown field `axis`", "`axes`"]);
+    refused(
+        "\"analysis\": [\"table\"",
+        "\"columns\": [\"total.fps\", \"phases.sotf.ms\"], \"analysis\": [\"table\"",
+        &["`phases.sotf.ms` is no number of a report", "did you mean `phases.soft.ms`?", "small.json:8:28"],
+    );
+    refused(
+        "\"axes\"",
+        "\"metric\": \"totl.ms\", \"axes\"",
+        &["`totl.ms` is no number of a report", "did you mean `total.ms`?", "small.json:4:13"],
+    );
+    refused(
+        "\"pareto\"",
+        "{\"kind\": \"pareto\", \"x\": \"core\", \"y\": \"total.ms\"}",
+        &["`core` is no number of a report", "did you mean `cores`?", "small.json:8:"],
+    );
+    refused(
+        "\"analysis\"",
+        "\"sampling\": {\"random\": {\"points\": 0, \"seed\": 1}}, \"analysis\"",
+        &["`points` is 0; it must be at least 1", "small.json:8:"],
+    );
     refused(
         "\"scene\": \"tiny\"",
         "\"machine\": \"larabee-24\"",

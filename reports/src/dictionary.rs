@@ -17,7 +17,7 @@ pub struct Entry {
 }
 
 /// Units by the last name of a path; the first that fits. `*` stands for anything.
-const UNITS: [(&str, &str); 34] = [
+const UNITS: [(&str, &str); 35] = [
     ("*_percent", "%"),
     ("*_overhead", "1"),
     ("*cycle_stack.*", "core-cycles"),
@@ -28,7 +28,8 @@ const UNITS: [(&str, &str); 34] = [
     ("*.wait_cycles", "cycles"),
     ("*cycles", "cycles"),
     ("*_ns", "ns"),
-    ("*ms", "ms"),
+    ("*.ms", "ms"),
+    ("*_ms", "ms"),
     ("*fps", "frames/s"),
     ("*share", "1"),
     ("*ipc", "instructions/(cycle core)"),
@@ -63,6 +64,16 @@ pub fn entries() -> Vec<Entry> {
     let mut entries = Vec::new();
     walk("", root, "", definitions, &mut entries);
     entries
+}
+
+/// The paths under which a report with phases of these `ids` may have a number, as [`crate::metric::Numbers`] finds them; a
+/// last name of `*` stands for any.
+pub fn paths(ids: &[&str]) -> Vec<String> {
+    let with_ids = |entry: Entry| match entry.path.strip_prefix("phases[].") {
+        Some(rest) => ids.iter().map(|id| format!("phases.{id}.{rest}")).collect(),
+        None => vec![entry.path],
+    };
+    entries().into_iter().flat_map(with_ids).filter(|path| !path.contains("[]")).collect()
 }
 
 /// Collects the numbers below `schema`; `said` is what the field that holds it says.
@@ -136,6 +147,8 @@ mod tests {
     fn counters_have_units_and_sentences() {
         assert_eq!(entry("phases[].cycle_stack.memory").unit, "core-cycles");
         assert_eq!(entry("phases[].ms").unit, "ms");
+        assert_eq!(entry("total.paper_ms").unit, "ms");
+        assert_eq!(entry("machine.prefetcher.streams").unit, "count");
         assert_eq!(entry("phases[].l1d.hits").unit, "count");
         assert_eq!(entry("phases[].ring.bytes").unit, "bytes");
         assert_eq!(entry("phases[].core_busy_cycles[]").unit, "cycles");

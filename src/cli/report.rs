@@ -4,6 +4,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use lrbsim::BadInput;
 use lrbsim::outcomes::{Outcome, Written};
 use lrbsim::{frames, study};
 use lrbsim_reports::files::ResultDir;
@@ -29,18 +30,18 @@ pub(crate) fn run(args: &ReportArgs, out: &mut impl Write) -> Result<(), Failure
                 moving.frames.get(moving.worst_frame).is_some_and(|worst| worst.sha256 == report.image.sha256)
             });
             if let Some(moving) = moving {
-                let all = pictures(folder, &[("all frames", "animation.png")]);
+                let all = pictures(folder, &[("all frames", "animation.png")])?;
                 let worst = pictures(
                     folder,
                     &[("the worst frame", "image.png"), ("visibility of the light", "visibility.png")],
-                );
+                )?;
                 let html = page::of_frames(&moving, report, &all, &worst);
                 let mut files = frames::drawings(&moving);
                 files.push(("report.html".to_owned(), html.into_bytes()));
                 return write(folder, &files, out);
             }
             let pictures =
-                pictures(folder, &[("shaded", "image.png"), ("visibility of the light", "visibility.png")]);
+                pictures(folder, &[("shaded", "image.png"), ("visibility of the light", "visibility.png")])?;
             let html = page::of_run(report, host(folder).as_ref(), &pictures);
             vec![
                 ("report.html".to_owned(), html.into_bytes()),
@@ -53,11 +54,11 @@ pub(crate) fn run(args: &ReportArgs, out: &mut impl Write) -> Result<(), Failure
 }
 
 fn write(folder: &Path, files: &[(String, Vec<u8>)], out: &mut impl Write) -> Result<(), Failure> {
-    let mut dir = ResultDir::open(folder).map_err(lrbsim::BadInput::from)?;
+    let mut dir = ResultDir::open(folder).map_err(BadInput::from)?;
     for (name, bytes) in files {
-        dir.stage(name, bytes).map_err(lrbsim::BadInput::from)?;
+        dir.stage(name, bytes).map_err(BadInput::from)?;
     }
-    for path in dir.commit().map_err(lrbsim::BadInput::from)? {
+    for path in dir.commit().map_err(BadInput::from)? {
         writeln!(out, "wrote {}", path.display())?;
     }
     Ok(())
@@ -69,11 +70,18 @@ fn moving(folder: &Path) -> Option<FramesReport> {
 }
 
 /// The pictures that are there.
-fn pictures(folder: &Path, names: &[(&str, &str)]) -> Vec<Picture> {
-    names
-        .iter()
-        .filter_map(|(title, name)| Some(Picture::png(title, &std::fs::read(folder.join(name)).ok()?)))
-        .collect()
+fn pictures(folder: &Path, names: &[(&str, &str)]) -> Result<Vec<Picture>, BadInput> {
+    let mut pictures = Vec::new();
+    for (title, name) in names {
+        let path = folder.join(name);
+        let Ok(bytes) = std::fs::read(&path) else { continue };
+        if !bytes.starts_with(b"\x89PNG\r\n\x1a\n") {
+            return Err(BadInput::new(format!("{} is not a PNG file", path.display()))
+                .with_help("run the frame again, or take the file away: the page does without it"));
+        }
+        pictures.push(Picture::png(title, &bytes));
+    }
+    Ok(pictures)
 }
 
 /// What the run cost the host, if that is there: it is beside the results, not one of them.

@@ -157,7 +157,8 @@ fn run_moving(
         return Ok(());
     }
     writeln!(out, "{}", report.sheet().terminal())?;
-    writeln!(out, "The worst frame, {}:\n\n{}", report.worst_frame, table::render(&output.worst.report))?;
+    let which = if output.worst.report.total.ms.is_some() { "The worst frame" } else { "A frame, untimed" };
+    writeln!(out, "{which}, {}:\n\n{}", report.worst_frame, table::render(&output.worst.report))?;
     for path in paths {
         writeln!(out, "wrote {}", path.display())?;
     }

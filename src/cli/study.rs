@@ -1,7 +1,7 @@
 //! `lrbsim study`.
 
 use std::io::{IsTerminal as _, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::time::Duration;
 
@@ -18,6 +18,9 @@ use super::Failure;
 /// Points at once at most: a host has no more threads.
 const JOBS_MAX: usize = 1024;
 
+/// Where finished points are kept.
+const CACHE: &str = "out/cache";
+
 #[derive(Debug, Args)]
 pub(crate) struct StudyArgs {
     /// A shipped study or a study file (.json); see `lrbsim schema study`.
@@ -32,7 +35,7 @@ pub(crate) struct StudyArgs {
     out: Option<PathBuf>,
 
     /// Folder of finished points, shared by studies.
-    #[arg(long, value_name = "DIR", default_value = "out/cache")]
+    #[arg(long, value_name = "DIR", default_value = CACHE)]
     cache: PathBuf,
 
     /// What runs the points.
@@ -83,7 +86,12 @@ pub(crate) fn run(args: &StudyArgs, out: &mut impl Write) -> Result<bool, Failur
 
     let visible = std::io::stderr().is_terminal();
     let bar = Bar::new(visible, args.resume);
-    let again = format!("lrbsim study {}", args.study);
+    let mut again = format!("lrbsim study {}", args.study);
+    for (option, folder) in [("-o", args.out.as_ref()), ("--cache", Some(&args.cache))] {
+        if let Some(folder) = folder.filter(|folder| folder.as_path() != Path::new(CACHE)) {
+            again += &format!(" {option} {}", folder.display());
+        }
+    }
     bar.on_interrupt(&again, &args.cache);
     let options = Options { jobs, cache: args.cache.clone() };
     let output = run_study(&study, &options, &bar)?;
@@ -143,7 +151,7 @@ impl Bar {
     }
 
     /// On Ctrl-C, says what is kept and how to go on.
-    fn on_interrupt(&self, again: &str, cache: &std::path::Path) {
+    fn on_interrupt(&self, again: &str, cache: &Path) {
         let (bar, state) = (self.bar.clone(), self.state.clone());
         let text = format!("finished points are kept in {}; `{again}` goes on from there", cache.display());
         let handler = move || {

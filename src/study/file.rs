@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use lrbsim_kernels::sism;
+use lrbsim_reports::dictionary;
 use lrbsim_reports::study::{Sampling, StudyFile};
 
 use super::points::{self, Point};
@@ -9,6 +11,7 @@ use super::recipe::{Fault, Recipe};
 use crate::error::BadInput;
 use crate::inputs::{looks_like_file, unknown_name};
 use crate::json::{self, Spots};
+use crate::settings::distance;
 
 /// Name and text of each shipped study.
 const STUDIES: [(&str, &str); 2] = [
@@ -118,6 +121,11 @@ impl Study {
                 return Err(at(bad, &format!("exclude[{index}]"), "this exclusion"));
             }
         }
+        check_numbers(&file, &at)?;
+        if let Sampling::Random { points: 0, .. } = file.sampling {
+            let bad = BadInput::new("`points` is 0; it must be at least 1");
+            return Err(at(bad, "sampling.random.points", "no points"));
+        }
         let points = points::expand(&file, &base)?;
         if points.is_empty() {
             return Err(at(
@@ -138,6 +146,43 @@ impl Study {
     pub fn is_empty(&self) -> bool {
         self.points.is_empty()
     }
+}
+
+/// What is measured, shown and drawn has to be in reports: found out here and not after hours.
+fn check_numbers(file: &StudyFile, at: &dyn Fn(BadInput, &str, &str) -> BadInput) -> Result<(), BadInput> {
+    let known = dictionary::paths(&sism::PHASES);
+    let check = |path: &str, place: &str, also: &[String]| {
+        let fits = |known: &String| match known.strip_suffix('*') {
+            Some(group) => {
+                path.strip_prefix(group).is_some_and(|name| !name.is_empty() && !name.contains('.'))
+            }
+            None => known == path,
+        };
+        if known.iter().chain(also).any(fits) {
+            return Ok(());
+        }
+        let nearest = known.iter().chain(also).min_by_key(|known| distance(path, known)).expect("many");
+        let bad = BadInput::new(format!("`{path}` is no number of a report"));
+        let help = format!(
+            "did you mean `{nearest}`? `lrbsim schema counters` lists them; phases by id, such as `phases.soft.ms`"
+        );
+        Err(at(bad.with_help(help), place, "no such number"))
+    };
+    check(&file.metric, "metric", &[])?;
+    for (index, column) in file.columns.iter().enumerate() {
+        check(column, &format!("columns[{index}]"), &[])?;
+    }
+    let axes: Vec<String> = file.axes.iter().map(|axis| axis.path.clone()).collect();
+    for (index, entry) in file.analysis.iter().enumerate() {
+        let analysis = entry.options();
+        if let Some(x) = &analysis.x {
+            check(x, &format!("analysis[{index}].x"), &axes)?;
+        }
+        if let Some(y) = &analysis.y {
+            check(y, &format!("analysis[{index}].y"), &[])?;
+        }
+    }
+    Ok(())
 }
 
 /// Axes have values, or a range where ranges are drawn from; each path once; lists are of one length.

@@ -83,6 +83,9 @@ fn scan_offsets(frame: &mut Frame, _: &mut Arena) -> Step {
     frame.scan.offsets()
 }
 
+/// Ids of the phases, in order; `soft` is left out where the light is a point.
+pub const PHASES: [&str; 7] = ["silhouette", "grid", "bin", "raster", "hard", "soft", "compose"];
+
 /// The program of one frame. Copies the input into `arena`, untimed; all else are its steps.
 ///
 /// A point light has neither silhouettes nor a soft phase.
@@ -100,7 +103,10 @@ pub fn program(input: &ShadowInput, options: &Options, arena: &mut Arena) -> Pro
             silhouette::records,
         ]);
     }
-    let phase = |id, title, in_paper_total, steps| Phase { id, title, in_paper_total, steps };
+    let phase = |id, title, in_paper_total, steps| {
+        debug_assert!(PHASES.contains(&id), "`{id}` is no id that studies may name");
+        Phase { id, title, in_paper_total, steps }
+    };
     let mut phases = vec![
         phase("silhouette", "silhouette detection", false, silhouette),
         phase(
