@@ -9,7 +9,7 @@ use lrbsim_isa::host::run_functional;
 use lrbsim_isa::{Arena, Compare, HostSimd, Kernel, OpCounts, Ordering, Step, Stream, Vpu};
 use lrbsim_kernels::columns::{Columns, lanes_below};
 use lrbsim_kernels::plane::TRIANGLE_WORDS;
-use lrbsim_kernels::sism::layout::{EDGE_WORDS, Layout, OWN_TRIANGLE, PIXEL, POSITION};
+use lrbsim_kernels::sism::layout::{EDGE_WORDS, Layout, OWN_TRIANGLE, PIXEL, POSITION, RECEIVER};
 use lrbsim_kernels::sism::{self, Frame, hard::count_layers, soft};
 use lrbsim_workloads::adjacency::prepare;
 use lrbsim_workloads::glam::{DVec3, Vec3};
@@ -100,7 +100,8 @@ impl Run {
     /// Layers in F and B, coverage in F and B by pixel, as the pipeline left them.
     pub fn sums(&self) -> BTreeMap<u32, [i32; 4]> {
         let layout = &self.frame.layout;
-        sums(&self.arena, layout, layout.sums, layout.samples)
+        let receiver = |i: u64| u64::from(self.arena.read_u32(layout.samples.column(RECEIVER).plus(4 * i)));
+        sums(&self.arena, layout, layout.sums, receiver)
     }
 
     /// The same by brute force, from the records of this run.
@@ -114,7 +115,7 @@ impl Run {
             kernel: Box::new(BruteForce { layout, out }),
         };
         run_step(&step, &self.arena, on);
-        sums(&self.arena, &layout, out, layout.receivers)
+        sums(&self.arena, &layout, out, |i| i)
     }
 
     /// Visibility, one a receiver; every one in [0, 1].
@@ -125,11 +126,17 @@ impl Run {
     }
 }
 
-fn sums(arena: &Arena, layout: &Layout, from: Columns, receivers: Columns) -> BTreeMap<u32, [i32; 4]> {
+/// Sums by pixel, from columns whose entries are of these receivers.
+fn sums(
+    arena: &Arena,
+    layout: &Layout,
+    from: Columns,
+    receiver: impl Fn(u64) -> u64,
+) -> BTreeMap<u32, [i32; 4]> {
     let columns = if layout.is_soft() { 4 } else { 2 };
     (0..u64::from(layout.receiver_count))
         .map(|i| {
-            let pixel = arena.read_u32(receivers.column(PIXEL).plus(4 * i));
+            let pixel = arena.read_u32(layout.receivers.column(PIXEL).plus(4 * receiver(i)));
             let mut all = [0; 4];
             for (c, sum) in all.iter_mut().enumerate().take(columns) {
                 *sum = arena.read_u32(from.column(c as u32).plus(4 * i)) as i32;
