@@ -78,9 +78,7 @@ impl CoreTables {
             l1_hit_cycles: spec.l1d.hit_cycles,
         }
     }
-}
 
-impl CoreTables {
     /// The row of the uop at `pc`.
     #[inline(always)]
     fn row(&self, uops: &[u32], pc: usize) -> Row {
@@ -283,7 +281,7 @@ impl Thread {
             }
         }
         let walk = Walk::new(pc, row, uop >> 24, now.at(), due);
-        self.start_walk::<STEPWISE>(tables, hierarchy, core, walk, now.at())
+        self.advance_walk::<STEPWISE>(tables, hierarchy, core, walk, now.at())
     }
 
     /// The same for a load, a store, a gather, a scatter or an L1 prefetch of one line; `None` for others. `Err` is the time
@@ -324,19 +322,6 @@ impl Thread {
         self.line_pc += 1;
         self.ready[pc % 256] = ready;
         Some(Ok(held))
-    }
-
-    /// Starts handing the lines of a memory uop to the caches. Returns until when that holds the thread.
-    #[inline(never)]
-    fn start_walk<const STEPWISE: bool>(
-        &mut self,
-        tables: &CoreTables,
-        hierarchy: &mut Hierarchy,
-        core: usize,
-        walk: Walk,
-        now: Cycle,
-    ) -> When {
-        self.advance_walk::<STEPWISE>(tables, hierarchy, core, walk, now)
     }
 
     /// Goes on with a gather whose next line is due.

@@ -52,7 +52,7 @@ impl Walk {
 impl Thread {
     /// Hands on the lines of `walk` that are due: all, or if `STEPWISE` those until `until`. Returns when the thread may go
     /// on; its state says whether that is with the next line ([`State::Walking`]) or with the next uop.
-    #[inline(always)]
+    #[inline(never)]
     pub(super) fn advance_walk<const STEPWISE: bool>(
         &mut self,
         tables: &CoreTables,
@@ -61,26 +61,22 @@ impl Thread {
         walk: Walk,
         until: Cycle,
     ) -> When {
-        let gather = tables.gather_interval_x256;
-        match walk.row.kind() {
-            Kind::Gather(intent) => {
-                self.hand_on::<STEPWISE>(tables, hierarchy, walk, until, gather, |hierarchy, lines, now| {
-                    load_or_store(hierarchy, core, lines, intent, now)
-                })
-            }
-            Kind::Access(intent) => {
-                self.hand_on::<STEPWISE>(tables, hierarchy, walk, until, 256, |hierarchy, lines, now| {
+        let kind = walk.row.kind();
+        let gathers = matches!(kind, Kind::Gather(_) | Kind::GatherPrefetch);
+        let interval = if gathers { tables.gather_interval_x256 } else { 256 };
+        match kind {
+            Kind::Gather(intent) | Kind::Access(intent) => {
+                self.hand_on::<STEPWISE>(tables, hierarchy, walk, until, interval, |hierarchy, lines, now| {
                     load_or_store(hierarchy, core, lines, intent, now)
                 })
             }
             Kind::Spill(intent) => {
                 let stack = STACK_BASE_LINE + self.number * STACK_LINES;
-                self.hand_on::<STEPWISE>(tables, hierarchy, walk, until, 256, |hierarchy, lines, now| {
+                self.hand_on::<STEPWISE>(tables, hierarchy, walk, until, interval, |hierarchy, lines, now| {
                     load_or_store(hierarchy, core, &[stack + lines[0] % STACK_LINES], intent, now)
                 })
             }
-            kind => {
-                let interval = if kind == Kind::GatherPrefetch { gather } else { 256 };
+            _ => {
                 self.hand_on::<STEPWISE>(tables, hierarchy, walk, until, interval, |hierarchy, lines, now| {
                     special(hierarchy, tables, core, lines[0], kind, now)
                 })
