@@ -137,27 +137,13 @@ impl Tags {
     /// changes nothing and returns where it is, if it is here.
     #[inline(always)]
     pub(crate) fn use_if(&mut self, line: u32, mask: u8, wanted: u8, bits: u8) -> Result<(), Option<Slot>> {
-        if self.groups_per_set != 1 {
-            let Some(slot) = self.find(line) else { return Err(None) };
-            let old = self.bits(slot);
-            if old & mask != wanted {
-                return Err(Some(slot));
-            }
-            self.set_bits(slot, old | bits);
-            self.touch(slot);
-            return Ok(());
+        let Some(slot) = self.find(line) else { return Err(None) };
+        let old = self.bits(slot);
+        if old & mask != wanted {
+            return Err(Some(slot));
         }
-        // The same in one group.
-        let index = self.first_group(line);
-        let Some(group) = self.groups.get_mut(index) else { return Err(None) };
-        let Some(way) = group.first_way_with(line) else { return Err(None) };
-        let old = &mut group.bits[way as usize % GROUP];
-        if *old & mask != wanted {
-            return Err(Some(Slot { group: index as u32, way }));
-        }
-        *old |= bits;
-        let recent = group.recent | 1 << way;
-        group.recent = if recent == self.all_ways { 1 << way } else { recent };
+        self.set_bits(slot, old | bits);
+        self.touch(slot);
         Ok(())
     }
 

@@ -196,26 +196,26 @@ impl Thread {
         row: &mut Row,
     ) -> When {
         let free = now.plus(tables.issue_interval);
-        let held = self.execute::<STEPWISE>(tables, hierarchy, core, now, *pc, *row);
+        let held = self.execute::<STEPWISE>(tables, hierarchy, core, now, *pc, *row).max(free);
         *pc += 1;
         if *pc >= self.stream.uops.len() || STEPWISE && self.state == State::Walking {
-            return held.max(free);
+            return held;
         }
 
         // The second pipe: the next uop, if its sources are there now and the two need different things.
         let first_row = *row;
         *row = tables.row(&self.stream.uops, *pc);
         let sources = self.sources(*pc, *row);
-        if !(first_row.pairs_with(*row) && held <= free && sources.are_there(now)) {
-            return sources.after(held.max(free));
+        if !(first_row.pairs_with(*row) && held == free && sources.are_there(now)) {
+            return sources.after(held);
         }
-        let held = self.execute::<STEPWISE>(tables, hierarchy, core, now, *pc, *row);
+        let held = self.execute::<STEPWISE>(tables, hierarchy, core, now, *pc, *row).max(free);
         *pc += 1;
         if *pc >= self.stream.uops.len() || STEPWISE && self.state == State::Walking {
-            return held.max(free);
+            return held;
         }
         *row = tables.row(&self.stream.uops, *pc);
-        self.sources(*pc, *row).after(held.max(free))
+        self.sources(*pc, *row).after(held)
     }
 
     /// Notices that the last uop of the stream has been issued, and its lines handed on.
