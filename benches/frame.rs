@@ -1,5 +1,5 @@
-//! Host speed of the grid phase and the soft kernel, one host thread: simulated instructions a second, and host
-//! instructions for each, at every stage of a timed frame.
+//! Host speed of the phases that take longest, one host thread: simulated instructions a second, and host instructions for
+//! each, at every stage of a timed frame. And what a second host thread gives: whole frames at `windowed`, phase by phase.
 //!
 //! ```text
 //! cargo bench --bench frame
@@ -10,13 +10,21 @@
 //! cycle        emission, and larrabee-24 at `cycle`: the first tasks of each step only, the rest untimed
 //! ```
 //!
+//! A word on the command line runs what has it in its name: `soft`, `soft/cycle`, `callgrind`,
+//! `threads`, `threads/saloon`.
+//!
 //! Host instructions come from the hardware counter where the host has one that may be read. Elsewhere the bench starts
 //! itself under `valgrind --tool=callgrind`: on AVX2, which is what valgrind knows, with the scene `tiny`, once as
 //! measured and once without the phase in question; the difference over the uops is the figure.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::Command;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
+use lrbsim::progress::{Progress, Stopwatch};
+use lrbsim::{Algorithm, HostOptions, Machine, RunRequest, inputs, run_frame};
 use lrbsim_isa::host::run_functional;
 use lrbsim_isa::program::{StepSource, TaskSource};
 use lrbsim_isa::{Arena, HostSimd, OpCounts, Step, Stream};
@@ -27,7 +35,15 @@ use lrbsim_workloads::{Adjacency, EyeView, ShadowInput, load_scene};
 type Error = Box<dyn std::error::Error>;
 
 const MACHINE: &str = "larrabee-24";
-const PHASES: [&str; 2] = ["grid", "soft"];
+const PHASES: [&str; 3] = ["grid", "raster", "soft"];
+
+/// Scenes of the frames that are run on one and on two host threads, and the size of those that would take minutes.
+const THREADED: [(&str, Option<(u32, u32)>); 2] = [("saloon", None), ("fern", Some((160, 120)))];
+const HOST_THREADS: [usize; 2] = [1, 2];
+
+/// Seconds that repeated frames on each number of host threads may take, and passes at most.
+const THREADED_SECONDS: f64 = 30.0;
+const THREADED_PASSES_MAX: usize = 5;
 
 /// Uops that `cycle` times at most: a few seconds.
 const CYCLE_UOPS_MAX: u64 = 8_000_000;
@@ -128,7 +144,7 @@ impl Meter {
 struct FirstTasks<'a> {
     inner: StepSource<'a>,
     tasks: u32,
-    uops: u64,
+    uops: AtomicU64,
 }
 
 impl TaskSource for FirstTasks<'_> {
@@ -136,9 +152,13 @@ impl TaskSource for FirstTasks<'_> {
         self.tasks
     }
 
-    fn record(&mut self, task: u32, stream: &mut Stream) {
+    fn is_ordered(&self) -> bool {
+        self.inner.is_ordered()
+    }
+
+    fn record(&self, task: u32, stream: &mut Stream) {
         self.inner.record(task, stream);
-        self.uops += stream.uops.len() as u64;
+        self.uops.fetch_add(stream.uops.len() as u64, Relaxed);
     }
 }
 
@@ -154,7 +174,7 @@ fn measure(
     let text = builtin_machine(MACHINE).ok_or("the machine is not shipped")?;
     let spec = serde_json::from_str::<MachineConfig>(text)?.validate()?;
     // Both always, so that they are no part of a difference.
-    let mut chips = [Chip::new(&spec, Fidelity::Windowed), Chip::new(&spec, Fidelity::Cycle)];
+    let mut chips = [Chip::new(&spec, Fidelity::Windowed, 1), Chip::new(&spec, Fidelity::Cycle, 1)];
     let mut arena = Arena::new();
     let mut program = sism::program(input, &sism::Options::default(), &mut arena);
     let mut cost = Cost { instructions: Some(0), ..Cost::default() };
@@ -170,16 +190,16 @@ fn measure(
                 continue;
             };
             let tasks = (f64::from(step.tasks) * of_tasks).ceil() as u32;
-            let mut source =
-                FirstTasks { inner: StepSource { step: &step, arena: &arena, simd }, tasks, uops: 0 };
+            let inner = StepSource { step: &step, arena: &arena, simd, shared: false };
+            let source = FirstTasks { inner, tasks, uops: AtomicU64::new(0) };
             let mut counts = OpCounts::default();
             let spent = meter.measure(|| match stage {
                 Stage::Functional => step.kernel.run(simd, &arena, 0..tasks, false, &mut counts),
                 Stage::Emission => (0..tasks).for_each(|task| source.record(task, &mut stream)),
-                Stage::Windowed => drop(chips[0].run_step(&mut source)),
-                Stage::Cycle => drop(chips[1].run_step(&mut source)),
+                Stage::Windowed => drop(chips[0].run_step(&source)),
+                Stage::Cycle => drop(chips[1].run_step(&source)),
             });
-            cost.add(source.uops + counts.total(), spent);
+            cost.add(source.uops.into_inner() + counts.total(), spent);
             step.kernel.run(simd, &arena, tasks..step.tasks, false, &mut counts);
         }
         if at.id == phase {
@@ -225,15 +245,94 @@ fn under_callgrind(arguments: &str) -> Result<(), Error> {
     Ok(())
 }
 
-fn host_instructions_by_callgrind() -> Result<(), Error> {
+fn host_instructions_by_callgrind(phases: &[&str]) -> Result<(), Error> {
     println!("host instructions: no hardware counter here; callgrind, avx2 lanes, scene tiny, whole phase");
-    for phase in PHASES {
+    for phase in phases {
         let (_, without) = callgrind("none", phase)?;
         for stage in Stage::ALL {
             let (uops, with) = callgrind(stage.name(), phase)?;
             let each = with.saturating_sub(without) as f64 / uops as f64;
             println!("{phase:6} {:12} {uops:>12} uops {each:>10.1} host instructions/uop", stage.name());
         }
+    }
+    Ok(())
+}
+
+/// Adds up the seconds of the host in the steps of each phase, without what lies between the steps.
+#[derive(Default)]
+struct PhaseClock(Mutex<Running>);
+
+#[derive(Default)]
+struct Running {
+    /// Title of the phase, and when its step began.
+    step: Option<(String, Stopwatch)>,
+    seconds: BTreeMap<String, f64>,
+}
+
+impl Progress for PhaseClock {
+    fn step(&self, title: &str, _tasks: u32) {
+        self.0.lock().expect("nobody panics with it").step = Some((title.to_owned(), Stopwatch::start()));
+    }
+
+    fn uops(&self, _uops: u64) {
+        let mut running = self.0.lock().expect("nobody panics with it");
+        if let Some((title, watch)) = running.step.take() {
+            *running.seconds.entry(title).or_default() += watch.elapsed().as_secs_f64();
+        }
+    }
+}
+
+/// Seconds of the host by id of phase, and of the whole frame as `frame`.
+fn seconds_of_frame(request: &RunRequest) -> Result<BTreeMap<String, f64>, Error> {
+    let clock = PhaseClock::default();
+    let output = run_frame(request, &clock)?;
+    let running = clock.0.into_inner()?;
+    let by_id = output.report.phases.iter().filter_map(|phase| {
+        let seconds = running.seconds.get(&phase.title)?;
+        Some((phase.id.clone(), *seconds))
+    });
+    Ok(by_id.chain([("frame".to_owned(), output.host.seconds)]).collect())
+}
+
+/// One frame on each of [`HOST_THREADS`]: seconds of the phases, and how many times faster the last is than the first.
+fn host_threads(scene_name: &str, size: Option<(u32, u32)>) -> Result<(), Error> {
+    let mut scene = inputs::scene(scene_name)?;
+    if let Some((width, height)) = size {
+        inputs::resize(&mut scene, width, height)?;
+    }
+    let (width, height) = (scene.image.width, scene.image.height);
+    let mut request = RunRequest {
+        scene,
+        machine: Machine::load(MACHINE, &[])?,
+        algorithm: Algorithm::Sism,
+        fidelity: Fidelity::Windowed,
+        warm_frames: 0,
+        host: HostOptions::default(),
+    };
+    // Turn and turn about, so that what else runs on the host meets all alike; of each phase the best.
+    let mut best = HOST_THREADS.map(|_| BTreeMap::<String, f64>::new());
+    let (mut pass, mut passes) = (0, 1);
+    while pass < passes {
+        for (threads, best) in HOST_THREADS.into_iter().zip(&mut best) {
+            request.host.threads = threads;
+            let seconds = seconds_of_frame(&request)?;
+            if pass == 0 && threads == 1 {
+                passes = ((THREADED_SECONDS / seconds["frame"]) as usize).clamp(1, THREADED_PASSES_MAX);
+            }
+            for (id, seconds) in seconds {
+                best.entry(id).and_modify(|least| *least = least.min(seconds)).or_insert(seconds);
+            }
+        }
+        pass += 1;
+    }
+    println!("host threads: scene {scene_name} at {width} x {height}, {MACHINE}, windowed, best of {passes}");
+    for id in PHASES.into_iter().chain(["frame"]) {
+        let [one, two] = [&best[0], &best[1]].map(|seconds| seconds.get(id).copied().unwrap_or(f64::NAN));
+        let [few, many] = HOST_THREADS;
+        println!(
+            "{id:6} {few} thread {one:>8.3} s   {many} threads {two:>8.3} s   {:>5.2} times as fast",
+            one / two
+        );
     }
     Ok(())
 }
@@ -248,11 +347,12 @@ fn main() -> Result<(), Error> {
     let input = input("saloon-small")?;
     println!("speed: scene saloon-small, {MACHINE}, {simd} lanes, one host thread, wall clock");
     for phase in PHASES {
+        let stages = || Stage::ALL.into_iter().filter(|s| format!("{phase}/{}", s.name()).contains(&filter));
+        if stages().next().is_none() {
+            continue;
+        }
         let all = measure(&input, (phase, Some(Stage::Functional), simd), 1.0, &mut meter)?;
-        for stage in Stage::ALL {
-            if !format!("{phase}/{}", stage.name()).contains(&filter) {
-                continue;
-            }
+        for stage in stages() {
             // The best of several where they are short: everything else that runs on the host only ever adds time.
             let (of_tasks, passes) = match stage {
                 Stage::Functional | Stage::Emission | Stage::Windowed => (1.0, 5),
@@ -273,12 +373,19 @@ fn main() -> Result<(), Error> {
             }
         }
     }
-    if !meter.has_counter() {
+    for (scene, size) in THREADED {
+        if format!("threads/{scene}").contains(&filter) {
+            host_threads(scene, size)?;
+        }
+    }
+    let phases: Vec<&str> =
+        PHASES.into_iter().filter(|phase| format!("callgrind/{phase}").contains(&filter)).collect();
+    if !meter.has_counter() && !phases.is_empty() {
         let avx2 = HostSimd::Avx2.is_available();
         let valgrind =
             Command::new("valgrind").arg("--version").output().is_ok_and(|run| run.status.success());
         if avx2 && valgrind {
-            host_instructions_by_callgrind()?;
+            host_instructions_by_callgrind(&phases)?;
         } else {
             println!("host instructions: not measured: no hardware counters, no valgrind");
         }

@@ -2,8 +2,8 @@
 
 pub use crate::host::Stopwatch;
 
-/// Hears of a run's progress. Nothing it does can change a result.
-pub trait Progress {
+/// Hears of a run's progress, from several host threads at once. Nothing it does can change a result.
+pub trait Progress: Sync {
     /// A part of the run begins that is not simulated, such as loading.
     fn part(&self, what: &str) {
         let _ = what;
@@ -14,7 +14,7 @@ pub trait Progress {
         let _ = (title, tasks);
     }
 
-    /// A task of `uops` instructions was pulled.
+    /// A task of `uops` instructions was recorded.
     fn task(&self, uops: u64) {
         let _ = uops;
     }

@@ -1,12 +1,12 @@
 //! Locked operations, and stores to lines that another core wrote.
 
 use crate::threads::{again, start};
-use crate::{Prepared, Threads, pass};
+use crate::{Prepared, Threads, pass, short};
 use lrbsim_isa::kernel::Kernel;
 use lrbsim_isa::vpu::Vpu;
 use lrbsim_isa::{Addr, Arena};
 
-/// Operations of a thread a pass.
+/// Operations of a thread in the long pass.
 const OPERATIONS: u32 = 256;
 
 /// Who has the lines that are operated on.
@@ -48,14 +48,22 @@ impl Atomic {
             LockedLine::Remote => (one(0), one(1), 16),
             LockedLine::Contended => (Threads::Spread(cores), Threads::Spread(cores), 0),
         };
-        let base = arena.alloc(u64::from(OPERATIONS) * 16);
-        let mut operate = |name, threads: Threads, operation| {
-            let plan = threads.plan(&mut arena, cores, |_| 0);
-            pass(name, plan.tasks, Operate { table: plan.table(), base, stride, operation })
+        let few = short(OPERATIONS, 1);
+        let all = 2 * few + OPERATIONS;
+        let base = arena.alloc(u64::from(all) * 16);
+        // Of remote lines each pass has its own.
+        let mut operate = |name, threads: Threads, operation, first: u32, operations: u32| {
+            let plan = threads.plan(&mut arena, cores, |_| first * stride as u32);
+            let operations = operations as i32;
+            pass(name, plan.tasks, Operate { table: plan.table(), base, stride, operation, operations })
         };
-        let passes =
-            vec![operate("own", before, LineOperation::Store), operate("operate", me, self.operation)];
-        Prepared { arena, passes, units: u64::from(OPERATIONS * me.count()) }
+        let passes = vec![
+            operate("own", before, LineOperation::Store, 0, all),
+            operate("warm", me, self.operation, 0, few),
+            operate("short", me, self.operation, few, few),
+            operate("operate", me, self.operation, 2 * few, OPERATIONS),
+        ];
+        Prepared { arena, passes, units: u64::from((OPERATIONS - few) * me.count()) }
     }
 }
 
@@ -64,6 +72,7 @@ struct Operate {
     base: Addr,
     stride: i32,
     operation: LineOperation,
+    operations: i32,
 }
 
 impl Kernel for Operate {
@@ -71,7 +80,7 @@ impl Kernel for Operate {
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
         let Some(mut index) = start(v, self.table, task) else { return };
         let (one, stride) = (v.s_imm(1), v.s_imm(self.stride));
-        let mut left = v.s_imm(OPERATIONS as i32);
+        let mut left = v.s_imm(self.operations);
         loop {
             match self.operation {
                 LineOperation::Store => v.s_store(self.base, index, one),

@@ -1,7 +1,7 @@
 //! Latency: loads that each need the one before.
 
 use crate::threads::{Plan, again, start};
-use crate::{Prepared, Threads, pass};
+use crate::{Prepared, Threads, pass, short};
 use lrbsim_isa::kernel::Kernel;
 use lrbsim_isa::vpu::Vpu;
 use lrbsim_isa::{Addr, Arena, Step};
@@ -39,8 +39,15 @@ pub struct Chase {
     pub order: Order,
     /// Loads in the passes before the measured one, a multiple of 64 or 0 for none.
     pub warm_loads: u32,
-    /// Loads that are measured, a multiple of 64.
+    /// Loads in the long pass, a multiple of 256.
     pub loads: u32,
+}
+
+impl Chase {
+    /// Loads in the passes that are measured, the short one and the long one.
+    pub fn loads_measured(loads: u32) -> u32 {
+        loads + short(loads, UNROLL)
+    }
 }
 
 /// How another core holds the lines.
@@ -61,7 +68,7 @@ pub struct Remote {
     pub copy: Copy,
     /// Which core.
     pub owner: u32,
-    /// Lines, a power of two from 128 on.
+    /// Lines, a power of two from 512 on: each is loaded once, a quarter of them before the measured passes.
     pub lines: u32,
 }
 
@@ -84,17 +91,17 @@ impl Order {
         }
     }
 
-    /// Allocates the words and links them into a ring; returns base and first index.
+    /// Allocates the words and links them into a ring; returns their base.
     ///
     /// The base is 2 MB aligned, so that strides meet sets as the measured programs' page-aligned arrays do.
-    fn link(self, arena: &mut Arena) -> (Addr, u32) {
+    fn link(self, arena: &mut Arena) -> Addr {
         let words = self.words();
         let base = align(arena, 1 << 21);
         arena.alloc(words.iter().max().map_or(0, |last| u64::from(*last) + 16));
         for (word, next) in words.iter().zip(words.iter().cycle().skip(1)) {
             arena.write_u32(base.plus(4 * u64::from(*word)), *next);
         }
-        (base, words[0])
+        base
     }
 }
 
@@ -111,22 +118,18 @@ impl Chase {
     pub(crate) fn prepare(&self, mut arena: Arena, cores: u32) -> Prepared {
         let threads = Threads::OnCore { core: 0, threads: 1 };
         let plan = threads.plan(&mut arena, cores, |_| 0);
-        let (base, first) = self.order.link(&mut arena);
-        let mut passes = Vec::new();
-        if self.warm_loads > 0 {
-            passes.push(chase_pass("warm", &plan, base, first, self.warm_loads));
-        }
-        // Goes on where the first pass stopped.
-        let words = self.order.words();
-        let first = words[self.warm_loads as usize % words.len()];
-        passes.push(chase_pass("chase", &plan, base, first, self.loads));
-        Prepared { arena, passes, units: u64::from(self.loads) }
+        let base = self.order.link(&mut arena);
+        let few = short(self.loads, UNROLL);
+        let loads = [("warm", self.warm_loads), ("short", few), ("chase", self.loads)];
+        let passes = chase_passes(&plan, base, &self.order.words(), &loads);
+        Prepared { arena, passes, units: u64::from(self.loads - few) }
     }
 }
 
 impl Remote {
     pub(crate) fn prepare(&self, mut arena: Arena, cores: u32) -> Prepared {
-        let (base, first) = Order::Diagonal { lines: self.lines }.link(&mut arena);
+        let order = Order::Diagonal { lines: self.lines };
+        let base = order.link(&mut arena);
         let mut plan_of = |core| Threads::OnCore { core, threads: 1 }.plan(&mut arena, cores, |_| 0);
         let (reader, owner) = (plan_of(0), plan_of(self.owner));
         let touch = |plan: &Plan, write| {
@@ -138,15 +141,28 @@ impl Remote {
             let third = if self.owner + 1 < cores { self.owner + 1 } else { self.owner - 1 };
             passes.push(touch(&plan_of(third), false));
         }
-        passes.push(chase_pass("chase", &reader, base, first, self.lines));
-        Prepared { arena, passes, units: u64::from(self.lines) }
+        let quarter = self.lines / 4;
+        // The first quarter meets all pages.
+        let loads = [("warm", quarter), ("short", quarter), ("chase", 2 * quarter)];
+        passes.extend(chase_passes(&reader, base, &order.words(), &loads));
+        Prepared { arena, passes, units: u64::from(quarter) }
     }
 }
 
-fn chase_pass(name: &'static str, plan: &Plan, base: Addr, first: u32, loads: u32) -> Step {
-    assert!(loads > 0 && loads.is_multiple_of(UNROLL), "{loads} loads");
-    let kernel = Follow { table: plan.table(), base, first: first as i32, turns: (loads / UNROLL) as i32 };
-    pass(name, plan.tasks, kernel)
+/// Passes of so many loads that each go on where the one before stopped; those without loads are left out.
+fn chase_passes(plan: &Plan, base: Addr, words: &[u32], loads: &[(&'static str, u32)]) -> Vec<Step> {
+    let mut done = 0;
+    let mut passes = Vec::new();
+    for (name, loads) in loads {
+        assert!(loads.is_multiple_of(UNROLL), "{loads} loads");
+        let first = words[done as usize % words.len()] as i32;
+        if *loads > 0 {
+            let turns = (loads / UNROLL) as i32;
+            passes.push(pass(name, plan.tasks, Follow { table: plan.table(), base, first, turns }));
+        }
+        done += loads;
+    }
+    passes
 }
 
 /// Follows the links.

@@ -2,15 +2,15 @@
 
 use crate::chase::align;
 use crate::threads::{again, start};
-use crate::{Prepared, Threads, pass};
+use crate::{Prepared, Threads, pass, short};
 use lrbsim_isa::kernel::Kernel;
 use lrbsim_isa::vpu::Vpu;
 use lrbsim_isa::{Addr, Arena};
 
 /// Gathers between two branches.
 const UNROLL: u64 = 8;
-/// Turns of the loop a pass.
-const TURNS: i32 = 64;
+/// Turns of the loop in the long pass, at least.
+const TURNS_MIN: u32 = 256;
 
 /// Gathers of 16 lanes on one thread of core 0. Units: gathers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -32,15 +32,23 @@ impl Gather {
         // The last gather of a lap reaches past the table.
         arena.alloc_bytes(u64::from(self.table_bytes) + UNROLL * 64 * u64::from(self.lines));
         let words = self.table_bytes / 4;
-        let kernel = || Walk {
-            starts: plan.table(),
-            lanes,
-            table,
-            gather_bytes: 64 * u64::from(self.lines),
-            wrap: words as i32 - 1,
+        let walk = |name, turns: u32| {
+            let kernel = Walk {
+                starts: plan.table(),
+                lanes,
+                table,
+                gather_bytes: 64 * u64::from(self.lines),
+                wrap: words as i32 - 1,
+                turns: turns as i32,
+            };
+            pass(name, plan.tasks, kernel)
         };
-        let passes = vec![pass("warm", plan.tasks, kernel()), pass("gather", plan.tasks, kernel())];
-        Prepared { arena, passes, units: UNROLL * TURNS as u64 }
+        // A gather of one line goes through the table in so many turns, others in fewer: every pass sees all of it.
+        let lap = self.table_bytes / (UNROLL as u32 * 64);
+        let turns = TURNS_MIN.max(4 * lap);
+        let few = short(turns, 1);
+        let passes = vec![walk("warm", few), walk("short", few), walk("gather", turns)];
+        Prepared { arena, passes, units: UNROLL * u64::from(turns - few) }
     }
 }
 
@@ -50,6 +58,7 @@ struct Walk {
     table: Addr,
     gather_bytes: u64,
     wrap: i32,
+    turns: i32,
 }
 
 impl Kernel for Walk {
@@ -62,7 +71,7 @@ impl Kernel for Walk {
         let nothing = v.vset_i32(0);
         let step = v.s_imm((UNROLL * self.gather_bytes / 4) as i32);
         let wrap = v.s_imm(self.wrap);
-        let mut left = v.s_imm(TURNS);
+        let mut left = v.s_imm(self.turns);
         loop {
             let here = v.vsplat(at);
             let index = v.viadd(lanes, here);

@@ -1,15 +1,15 @@
 //! Throughput of arithmetic on registers.
 
 use crate::threads::{again, start};
-use crate::{Prepared, Threads, pass};
+use crate::{Prepared, Threads, pass, short};
 use lrbsim_isa::kernel::Kernel;
 use lrbsim_isa::vpu::Vpu;
 use lrbsim_isa::{Addr, Arena};
 
 /// Instructions of a chain between two branches.
 const UNROLL: u32 = 64;
-/// Turns of the loop.
-const TURNS: i32 = 200;
+/// Turns of the loop in the long pass.
+const TURNS: u32 = 256;
 
 /// What is computed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -35,11 +35,14 @@ impl Issue {
     pub(crate) fn prepare(&self, mut arena: Arena, cores: u32) -> Prepared {
         assert!((1..=4).contains(&self.chains), "{} chains", self.chains);
         let plan = self.threads.plan(&mut arena, cores, |_| 0);
-        let chain = Chain { table: plan.table(), operation: self.operation, chains: self.chains as usize };
-        let instructions = u64::from(self.chains * UNROLL) * TURNS as u64;
+        let chain = |name, turns: u32| {
+            let (operation, chains) = (self.operation, self.chains as usize);
+            pass(name, plan.tasks, Chain { table: plan.table(), operation, chains, turns: turns as i32 })
+        };
+        let few = short(TURNS, 1);
         Prepared {
-            passes: vec![pass("chains", plan.tasks, chain)],
-            units: instructions * u64::from(self.threads.count()),
+            passes: vec![chain("warm", 1), chain("short", few), chain("chains", TURNS)],
+            units: u64::from(self.chains * UNROLL * (TURNS - few)) * u64::from(self.threads.count()),
             arena,
         }
     }
@@ -49,6 +52,7 @@ struct Chain {
     table: Addr,
     operation: Operation,
     chains: usize,
+    turns: i32,
 }
 
 impl Kernel for Chain {
@@ -59,7 +63,7 @@ impl Kernel for Chain {
         }
         let factor = v.vset_f32(0.5);
         let mut sums = [factor; 4];
-        let mut left = v.s_imm(TURNS);
+        let mut left = v.s_imm(self.turns);
         loop {
             for _ in 0..UNROLL {
                 for sum in &mut sums[..self.chains] {

@@ -1,13 +1,17 @@
 //! Microbenchmarks: small kernels that each ask a machine one question.
 //!
 //! ```text
-//! Bench (plain data) ─ prepare ─► Prepared { arena, passes } ─ the driver runs the passes on a chip ─► cycles of the last
+//! Bench (plain data) ─ prepare ─► Prepared { arena, passes } ─ the driver runs the passes on a chip
+//!
+//! passes   warm … │ short: n/4 units │ long: n units       measured: long - short
 //! ```
 //!
-//! A benchmark is a few passes; all threads run each at once, and the last is measured: the passes before it bring caches
-//! and other cores into the state that the question is about. Kernels are those of the measured programs: loops over the
-//! same arrays, with the same operations and prefetches a line. They know no machine but its number of cores, which says
-//! where a thread runs.
+//! A benchmark is a few passes; all threads run each at once. The first ones bring caches, TLBs and other cores into the
+//! state that the question is about. The last two are the same loop, once a quarter as long as the other, and their
+//! difference is measured: what it costs to begin and to end (the start of the threads, the first misses, the filling of
+//! queues) is in both and cancels, and what remains is the steady state, which the measured programs reach by running for
+//! seconds. Kernels are those of the measured programs: loops over the same arrays, with the same operations and
+//! prefetches a line. They know no machine but its number of cores, which says where a thread runs.
 
 mod atomic;
 mod chase;
@@ -23,7 +27,7 @@ pub use atomic::{Atomic, LineOperation, LockedLine};
 pub use chase::{Chase, Copy as CopyState, Order, Remote};
 pub use gather::Gather;
 pub use issue::{Issue, Operation};
-pub use stream::{Arrays, Prefetch, Store, Stream};
+pub use stream::{Arrays, Extent, Prefetch, Store, Stream};
 pub use threads::Threads;
 
 use lrbsim_isa::program::{Ordering, Step};
@@ -50,10 +54,18 @@ pub enum Bench {
 pub struct Prepared {
     /// Simulated memory.
     pub arena: Arena,
-    /// What all threads run, one after the other; the last is measured.
+    /// What all threads run, one after the other, at least two: the last takes [`Prepared::units`] longer than the one
+    /// before it.
     pub passes: Vec<Step>,
-    /// Work in the measured pass: accesses, instructions, bytes or operations, as the benchmark says.
+    /// Work in the last pass less work in the one before: accesses, instructions, bytes or operations, as the benchmark
+    /// says.
     pub units: u64,
+}
+
+/// Length of the short pass that belongs to a long one, both in steps of `step`.
+const fn short(long: u32, step: u32) -> u32 {
+    assert!(long >= 4 * step && long.is_multiple_of(4 * step), "a quarter is no whole number of steps");
+    long / 4
 }
 
 impl Bench {

@@ -2,7 +2,7 @@
 
 use crate::chase::align;
 use crate::threads::{Plan, again, start};
-use crate::{Prepared, Threads, pass};
+use crate::{Prepared, Threads, pass, short};
 use lrbsim_isa::kernel::Kernel;
 use lrbsim_isa::vpu::Vpu;
 use lrbsim_isa::{Addr, Arena, Step};
@@ -10,6 +10,10 @@ use lrbsim_isa::{Addr, Arena, Step};
 /// Lines of each array between two branches.
 const UNROLL: u64 = 8;
 const LINE_WORDS: u32 = 16;
+
+/// Lines that a load goes ahead of the arithmetic on it, which goes a line ahead of its store: what is loaded is there when
+/// it is used, and loads and stores find something to pair with, as a compiler for a machine of two pipes orders them.
+const LOAD_AHEAD: u64 = 2;
 
 /// How the result is stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -69,18 +73,72 @@ pub struct Stream {
     pub arrays: Arrays,
     /// Who runs the loop.
     pub threads: Threads,
-    /// Lines of each array that a thread works on before it is measured, a multiple of 8.
-    pub warm_lines: u32,
-    /// Lines that are measured, a multiple of 8.
-    pub lines: u32,
-    /// Whether the measured lines are those of the passes before, rather than the ones behind them.
-    pub again: bool,
+    /// Lines of each array that each pass works on.
+    pub extent: Extent,
+}
+
+/// Lines of each array that a thread works on, in multiples of 8.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Extent {
+    /// The same lines over and over.
+    Laps {
+        /// Lines of a lap, of which one goes before the measured passes.
+        lines: u32,
+        /// Laps of the long pass, a multiple of 4.
+        laps: u32,
+    },
+    /// Lines that no pass before has worked on.
+    Onward {
+        /// Lines before the measured passes.
+        warm_lines: u32,
+        /// Lines of the long pass, a multiple of 32.
+        lines: u32,
+    },
+}
+
+/// First line, lines a lap and laps of a pass.
+#[derive(Debug, Clone, Copy)]
+struct Part {
+    first: u32,
+    lines: u32,
+    laps: u32,
+}
+
+impl Extent {
+    /// Lines that a thread works on in all passes together.
+    pub fn lines_worked(self) -> u32 {
+        self.parts().iter().map(|part| part.lines * part.laps).sum()
+    }
+
+    /// The warm, the short and the long pass.
+    fn parts(self) -> [Part; 3] {
+        match self {
+            Extent::Laps { lines, laps } => {
+                [1, short(laps, 1), laps].map(|laps| Part { first: 0, lines, laps })
+            }
+            Extent::Onward { warm_lines, lines } => {
+                let few = short(lines, UNROLL as u32);
+                [(0, warm_lines), (warm_lines, few), (warm_lines + few, lines)].map(|(first, lines)| Part {
+                    first,
+                    lines,
+                    laps: 1,
+                })
+            }
+        }
+    }
 }
 
 impl Stream {
+    /// Lines of each array between two branches.
+    pub const UNROLL: u32 = UNROLL as u32;
+    /// Uops of a turn of the loop that touch no line: two to count, a compare and a branch.
+    pub const LOOP_UOPS: u32 = 4;
+
     pub(crate) fn prepare(&self, mut arena: Arena, cores: u32) -> Prepared {
         let count = self.threads.count();
-        let extent = if self.again { self.warm_lines.max(self.lines) } else { self.warm_lines + self.lines };
+        let parts = self.extent.parts();
+        let [_, few, many] = parts;
+        let extent = many.first + many.lines;
         // Where a thread's part begins, in words of the array.
         let part_words = match self.arrays {
             Arrays::Split { bytes } => {
@@ -98,26 +156,33 @@ impl Stream {
         }
         let mut plan_from =
             |line: u32| self.threads.plan(&mut arena, cores, |rank| rank * part_words + line * LINE_WORDS);
+        // Where the passes start at one place they share the table, and all but the first find it cached.
+        let mut plan = plan_from(parts[0].first);
         let mut passes = Vec::new();
-        if self.warm_lines > 0 {
-            passes.push(self.pass("warm", &plan_from(0), bases, self.warm_lines));
+        let mut last = parts[0].first;
+        for (name, part) in ["warm", "short", "stream"].into_iter().zip(parts) {
+            if part.first != last {
+                (plan, last) = (plan_from(part.first), part.first);
+            }
+            passes.push(self.pass(name, &plan, bases, part));
         }
-        let first = if self.again { 0 } else { self.warm_lines };
-        passes.push(self.pass("stream", &plan_from(first), bases, self.lines));
         let lines_touched = self.reads + u32::from(self.store != Store::No);
-        let units = 64 * u64::from(lines_touched) * u64::from(self.lines) * u64::from(count);
+        let lines = many.lines * many.laps - few.lines * few.laps;
+        let units = 64 * u64::from(lines_touched) * u64::from(lines) * u64::from(count);
         Prepared { arena, passes, units }
     }
 
-    fn pass(&self, name: &'static str, plan: &Plan, bases: [Addr; 3], lines: u32) -> Step {
+    fn pass(&self, name: &'static str, plan: &Plan, bases: [Addr; 3], part: Part) -> Step {
+        let lines = part.lines;
         assert!(lines > 0 && u64::from(lines).is_multiple_of(UNROLL), "{lines} lines");
         let turns = (u64::from(lines) / UNROLL) as i32;
+        let laps = part.laps as i32;
         let table = plan.table();
         // One kernel a shape, so that what a loop does not do is not in it.
         macro_rules! shape {
             ($reads:literal, $store:ident) => {{
-                let kernel =
-                    Loop::<$reads, { Store::$store as u8 }> { table, bases, turns, prefetch: self.prefetch };
+                let prefetch = self.prefetch;
+                let kernel = Loop::<$reads, { Store::$store as u8 }> { table, bases, turns, laps, prefetch };
                 pass(name, plan.tasks, kernel)
             }};
         }
@@ -141,7 +206,9 @@ struct Loop<const READS: usize, const STORE: u8> {
     table: Addr,
     /// The arrays that are read, then the one that is written.
     bases: [Addr; 3],
+    /// Of a lap.
     turns: i32,
+    laps: i32,
     prefetch: Prefetch,
 }
 
@@ -154,6 +221,26 @@ impl<const READS: usize, const STORE: u8> Loop<READS, STORE> {
             s if s == Store::No as u8 => None,
             s if s == Store::InPlace as u8 => Some(self.bases[0]),
             _ => Some(self.bases[READS]),
+        }
+    }
+
+    /// What is made of a line.
+    #[inline(always)]
+    fn compute<V: Vpu>(
+        &self,
+        v: &mut V,
+        factor: V::F32,
+        sum: &mut V::F32,
+        operands: [V::F32; READS],
+    ) -> V::F32 {
+        match operands[..] {
+            [] => factor,
+            [a] if self.output().is_none() => {
+                *sum = v.vadd(*sum, a);
+                *sum
+            }
+            [a] => v.vmul(a, factor),
+            [a, b, ..] => v.vmadd(a, factor, b),
         }
     }
 
@@ -178,44 +265,65 @@ impl<const READS: usize, const STORE: u8> Loop<READS, STORE> {
 impl<const READS: usize, const STORE: u8> Kernel for Loop<READS, STORE> {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
-        let Some(mut index) = start(v, self.table, task) else { return };
+        let Some(first) = start(v, self.table, task) else { return };
         let factor = v.vset_f32(0.5);
         let factor_bits = v.bits_of(factor);
         let all = v.mask_all();
         let step = v.s_imm((UNROLL * u64::from(LINE_WORDS)) as i32);
-        let mut left = v.s_imm(self.turns);
+        let mut laps_left = v.s_imm(self.laps);
         let mut sums = [factor; UNROLL as usize];
         loop {
-            // All loads and what is computed from them, then all stores: the order that hides latencies best.
-            for line in 0..UNROLL {
+            let (mut index, mut left) = (first, v.s_imm(self.turns));
+            // The first lines have nothing before them to issue beside.
+            let mut operands = [[factor; READS]; LOAD_AHEAD as usize];
+            for (line, operands) in (0..).zip(&mut operands) {
                 self.prefetch_line(v, line, index);
-                let sum = &mut sums[line as usize];
-                *sum = match READS {
-                    0 => factor,
-                    1 => {
-                        let a = v.vload_f32(self.bases[0].plus(64 * line), index);
-                        if self.output().is_none() { v.vadd(*sum, a) } else { v.vmul(a, factor) }
-                    }
-                    _ => {
-                        let a = v.vload_f32(self.bases[0].plus(64 * line), index);
-                        let b = v.vload_f32(self.bases[1].plus(64 * line), index);
-                        v.vmadd(a, factor, b)
-                    }
-                };
-            }
-            if let Some(output) = self.output() {
-                for line in 0..UNROLL {
-                    let at = output.plus(64 * line);
-                    if Self::STREAMING {
-                        let bits = if READS == 0 { factor_bits } else { v.bits_of(sums[line as usize]) };
-                        v.vstore_stream(at, index, bits);
-                    } else {
-                        v.vstore_f32(all, at, index, sums[line as usize]);
-                    }
+                for (operand, base) in operands.iter_mut().zip(self.bases) {
+                    *operand = v.vload_f32(base.plus(64 * line), index);
                 }
             }
-            index = v.s_add(index, step);
-            if !again(v, &mut left) {
+            let mut result = self.compute(v, factor, &mut sums[0], operands[0]);
+            for (operand, base) in operands[0].iter_mut().zip(self.bases) {
+                *operand = v.vload_f32(base.plus(64 * LOAD_AHEAD), index);
+            }
+            for turn in 0..self.turns {
+                // The last turn is peeled off: nothing is loaded past the end.
+                let is_last = turn + 1 == self.turns;
+                for line in 0..UNROLL {
+                    let (loaded, computed) = (line + LOAD_AHEAD + 1, line + 1);
+                    let slot = &mut operands[(computed % LOAD_AHEAD) as usize];
+                    let (has_load, has_result) = (!is_last || loaded < UNROLL, !is_last || computed < UNROLL);
+                    let ready = *slot;
+                    // A load beside the arithmetic of an earlier line, the next beside the store of one before that.
+                    if has_load {
+                        self.prefetch_line(v, loaded, index);
+                    }
+                    if has_load && READS > 0 {
+                        slot[0] = v.vload_f32(self.bases[0].plus(64 * loaded), index);
+                    }
+                    let stored = result;
+                    if has_result {
+                        let sum = &mut sums[(computed % UNROLL) as usize];
+                        result = self.compute(v, factor, sum, ready);
+                    }
+                    if has_load && READS > 1 {
+                        slot[1] = v.vload_f32(self.bases[1].plus(64 * loaded), index);
+                    }
+                    if let Some(output) = self.output() {
+                        let at = output.plus(64 * line);
+                        if Self::STREAMING {
+                            let bits = if READS == 0 { factor_bits } else { v.bits_of(stored) };
+                            v.vstore_stream(at, index, bits);
+                        } else {
+                            v.vstore_f32(all, at, index, stored);
+                        }
+                    }
+                }
+                index = v.s_add(index, step);
+                let goes_on = again(v, &mut left);
+                debug_assert_eq!(goes_on, !is_last, "the simulated loop counts as the host's does");
+            }
+            if !again(v, &mut laps_left) {
                 return;
             }
         }

@@ -357,6 +357,8 @@ fn cause_label(cause: &str) -> String {
     match cause {
         "l1" => "L1".to_owned(),
         "l2" => "L2".to_owned(),
+        "mshr" => "MSHR".to_owned(),
+        "tlb" => "TLB".to_owned(),
         "barrier" => "barrier/idle".to_owned(),
         other => other.replace('_', " "),
     }

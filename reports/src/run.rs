@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use crate::validation::ModelError;
 
 /// Version of the layout of [`RunReport`]; raised when a reader of an older one would misread it.
-pub const SCHEMA_VERSION: u32 = 1;
+pub const SCHEMA_VERSION: u32 = 2;
 
 /// Everything one run measured in simulated time; written as `report.json`.
 ///

@@ -113,6 +113,8 @@ fn label(cause: Cause) -> &'static str {
     match cause {
         Cause::L1 => "L1",
         Cause::L2 => "L2",
+        Cause::Mshr => "MSHR",
+        Cause::Tlb => "TLB",
         Cause::GatherLines => "gather lines",
         // Threads without a task wait there too.
         Cause::Barrier => "barrier/idle",

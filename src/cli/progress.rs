@@ -1,6 +1,6 @@
 //! The progress bar: on a terminal only, and gone when the run is done.
 
-use std::cell::Cell;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -10,9 +10,9 @@ use lrbsim::progress::{Progress, Stopwatch};
 pub(crate) struct Bar {
     bar: ProgressBar,
     /// Instructions simulated so far, for the rate.
-    uops: Cell<u64>,
+    uops: AtomicU64,
     /// Whether the running step told of its tasks one by one.
-    watched: Cell<bool>,
+    watched: AtomicBool,
     watch: Stopwatch,
 }
 
@@ -25,7 +25,7 @@ impl Bar {
         if visible {
             bar.enable_steady_tick(Duration::from_millis(100));
         }
-        Bar { bar, uops: Cell::new(0), watched: Cell::new(false), watch: Stopwatch::start() }
+        Bar { bar, uops: AtomicU64::new(0), watched: AtomicBool::new(false), watch: Stopwatch::start() }
     }
 
     /// A part without a length begins.
@@ -40,8 +40,8 @@ impl Bar {
     }
 
     fn add(&self, uops: u64) {
-        self.uops.set(self.uops.get() + uops);
-        let rate = self.uops.get() as f64 / self.watch.elapsed().as_secs_f64().max(1e-3) / 1e6;
+        let uops = self.uops.fetch_add(uops, Relaxed) + uops;
+        let rate = uops as f64 / self.watch.elapsed().as_secs_f64().max(1e-3) / 1e6;
         self.bar.set_message(format!("{rate:.0} M instructions/s"));
     }
 }
@@ -58,7 +58,7 @@ impl Progress for Bar {
     }
 
     fn step(&self, title: &str, tasks: u32) {
-        self.watched.set(false);
+        self.watched.store(false, Relaxed);
         self.bar.set_style(style("{prefix} {wide_bar} {percent}% {msg} {eta} left"));
         self.bar.set_prefix(title.to_owned());
         self.bar.reset();
@@ -66,9 +66,9 @@ impl Progress for Bar {
     }
 
     fn task(&self, uops: u64) {
-        self.watched.set(true);
+        self.watched.store(true, Relaxed);
         self.bar.inc(1);
-        self.uops.set(self.uops.get() + uops);
+        self.uops.fetch_add(uops, Relaxed);
         // A message costs an allocation: not for each of a million tasks.
         if self.bar.position().is_multiple_of(64) {
             self.add(0);
@@ -76,7 +76,7 @@ impl Progress for Bar {
     }
 
     fn uops(&self, uops: u64) {
-        if !self.watched.get() {
+        if !self.watched.load(Relaxed) {
             self.add(uops);
         }
     }

@@ -21,15 +21,54 @@ pub struct Experiment {
 /// What came out of an experiment.
 #[derive(Debug, Clone)]
 pub struct Outcome {
-    /// Cycles of the measured pass: the mean of the cores that work in it. The programs run for seconds, so that every
-    /// thread meets all banks of the memory; in a short pass the last thread is only the one that had bad luck.
+    /// Cycles by which the long pass took longer than the short one, see [`lrbsim_micro`]: of each the mean of the cores
+    /// that work in it. The programs run for seconds, so that every thread meets all banks of the memory; in a pass as
+    /// short as these the last thread is only the one that had bad luck.
     pub cycles: f64,
-    /// Units of work in it.
+    /// Units of work in that time.
     pub units: f64,
     /// Clock of the machine, GHz.
     pub clock_ghz: f64,
-    /// What the machine counted in it.
-    pub counters: StepReport,
+    /// What the machine counted in that time.
+    pub counts: Counts,
+}
+
+/// What the machine counted.
+#[derive(Debug, Clone, Copy)]
+pub struct Counts {
+    /// Accesses of L1 data caches.
+    pub l1d_accesses: f64,
+    /// Messages, on a ring or within a stop.
+    pub ring_messages: f64,
+    /// Lines read from memory.
+    pub memory_reads: f64,
+}
+
+/// What came out of one pass.
+struct Pass {
+    cycles: f64,
+    report: StepReport,
+}
+
+impl Pass {
+    fn of(report: StepReport, activity: &[CoreActivity]) -> Pass {
+        // Cores without a thread come and go at once; they issue two or three uops.
+        let most = activity.iter().map(|core| core.issued).max().unwrap_or(0);
+        let works = |core: &&CoreActivity| core.issued * 2 > most;
+        let arrivals: Vec<f64> =
+            activity.iter().filter(works).map(|core| core.arrival_cycles as f64).collect();
+        Pass { cycles: arrivals.iter().sum::<f64>() / arrivals.len() as f64, report }
+    }
+
+    /// What it counted beyond what `short` did.
+    fn counts_beyond(&self, short: &Pass) -> Counts {
+        let beyond = |count: fn(&StepReport) -> u64| count(&self.report) as f64 - count(&short.report) as f64;
+        Counts {
+            l1d_accesses: beyond(|report| report.l1d.accesses),
+            ring_messages: beyond(|report| report.ring.messages + report.ring.local),
+            memory_reads: beyond(|report| report.memory.reads),
+        }
+    }
 }
 
 impl Outcome {
@@ -54,7 +93,7 @@ impl Experiment {
     pub(super) fn weight(&self) -> u64 {
         match &self.bench {
             Bench::Stream(stream) => {
-                u64::from(stream.threads.count()) * u64::from(stream.warm_lines + stream.lines)
+                u64::from(stream.threads.count()) * u64::from(stream.extent.lines_worked())
             }
             _ => 10_000,
         }
@@ -70,22 +109,22 @@ impl Experiment {
         }
         let machine = machine.with(&settings)?;
         let prepared = self.bench.prepare(machine.spec.cores);
-        let mut chip = Chip::new(&machine.spec, fidelity);
-        let mut counters = StepReport::default();
+        let mut chip = Chip::new(&machine.spec, fidelity, 1);
+        let mut passes = Vec::new();
         for step in &prepared.passes {
-            let mut source = StepSource { step, arena: &prepared.arena, simd: HostSimd::detect() };
-            counters = chip.run_step(&mut source);
+            let simd = HostSimd::detect();
+            let source = StepSource { step, arena: &prepared.arena, simd, shared: false };
+            let report = chip.run_step(&source).map_err(|stuck| BadInput::new(stuck.to_string()))?;
+            passes.push(Pass::of(report, chip.activity()));
         }
-        // Cores without a thread come and go at once; they issue two or three uops.
-        let most = chip.activity().iter().map(|core| core.issued).max().unwrap_or(0);
-        let works = |core: &&CoreActivity| core.issued * 2 > most;
-        let arrivals: Vec<f64> =
-            chip.activity().iter().filter(works).map(|core| core.arrival_cycles as f64).collect();
+        let [.., short, long] = &passes[..] else {
+            unreachable!("a benchmark has a short pass and a long one")
+        };
         Ok(Outcome {
-            cycles: arrivals.iter().sum::<f64>() / arrivals.len() as f64,
+            cycles: long.cycles - short.cycles,
             units: prepared.units as f64,
             clock_ghz: machine.config.clock_ghz,
-            counters,
+            counts: long.counts_beyond(short),
         })
     }
 }

@@ -14,16 +14,24 @@ pub(super) const PREFETCHER_OFF: &str = "prefetcher.streams=0";
 const OWNERS: [u32; 10] = [1, 2, 4, 8, 16, 32, 44, 52, 56, 58];
 const COPIES: [CopyState; 3] = [CopyState::Modified, CopyState::Exclusive, CopyState::Shared];
 
+/// Loads before lines that nobody has loaded: enough for what the benchmark itself needs to be in the caches.
+const WARM_LOADS: u32 = 64;
+
 /// Loads of lines `stride_bytes` apart in an array of `array_bytes`, lap after lap.
 fn laps(array_bytes: u64, stride_bytes: u32) -> Chase {
     let count = (array_bytes / u64::from(stride_bytes)).max(1) as u32;
     let lap = count.next_multiple_of(64);
-    Chase { order: Order::Stride { count, stride_bytes }, warm_loads: lap, loads: lap.max(8192) }
+    Chase {
+        order: Order::Stride { count, stride_bytes },
+        warm_loads: lap,
+        loads: lap.max(8192).next_multiple_of(256),
+    }
 }
 
 /// Loads of lines that nobody has loaded before.
 fn fresh(stride_bytes: u32, loads: u32) -> Chase {
-    Chase { order: Order::Stride { count: loads, stride_bytes }, warm_loads: 0, loads }
+    let count = WARM_LOADS + Chase::loads_measured(loads);
+    Chase { order: Order::Stride { count, stride_bytes }, warm_loads: WARM_LOADS, loads }
 }
 
 /// Loads that hit L1.
@@ -43,7 +51,7 @@ fn tlb_misses() -> Chase {
 
 /// Loads from memory, prefetcher off.
 pub(super) fn memory(at: &Conditions<'_>, loads: u32) -> Experiment {
-    at.under(&[PREFETCHER_OFF], Bench::Chase(fresh(64, loads.next_multiple_of(64))))
+    at.under(&[PREFETCHER_OFF], Bench::Chase(fresh(64, loads.next_multiple_of(256))))
 }
 
 /// An L2 hit.
@@ -55,7 +63,7 @@ fn remote(at: &Conditions<'_>, copy: CopyState, owner: u32) -> Result<Experiment
     if owner == 0 || owner >= at.cores || at.cores < 3 {
         return Err(NotExpressed("the machine has no such core beside core 0 and a third one"));
     }
-    Ok(at.experiment(Bench::Remote(Remote { copy, owner, lines: 512 })))
+    Ok(at.experiment(Bench::Remote(Remote { copy, owner, lines: 1024 })))
 }
 
 /// All cells of the table of remote latencies, state by state.
@@ -88,7 +96,7 @@ pub(super) fn plan(id: &[&str], unit: &str, at: &Conditions<'_>) -> Result<Plan,
         }
         ["lat", "mem", "hwp", stride] => {
             let stride = u32::try_from(bytes(stride).ok_or(UNKNOWN)?).map_err(|_| UNKNOWN)?;
-            Ok(chase(fresh(stride.max(4), ((2 << 20) / stride.max(4)).next_multiple_of(64))))
+            Ok(chase(fresh(stride.max(4), ((2 << 20) / stride.max(4)).next_multiple_of(256))))
         }
         ["hwp", "line_interval"] => Ok(chase(fresh(64, 32_768))),
         ["lat", "mem", "loaded", threads] => {
@@ -103,7 +111,7 @@ pub(super) fn plan(id: &[&str], unit: &str, at: &Conditions<'_>) -> Result<Plan,
         }
         ["lat", "ptr", "beyond_l2"] => {
             let order = Order::Random { bytes: 8 << 20 };
-            Ok(chase(Chase { order, warm_loads: 0, loads: 16_384 }))
+            Ok(chase(Chase { order, warm_loads: WARM_LOADS, loads: 16_384 }))
         }
         ["lat", "dtlb", "4k"] => {
             let benches = [tlb_misses(), l1_hits()].map(|chase| at.experiment(Bench::Chase(chase)));

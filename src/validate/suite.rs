@@ -16,6 +16,8 @@ pub(super) struct Plan {
     pub(super) experiments: Vec<Experiment>,
     /// What comes out of it, in the row's unit.
     pub(super) value: Formula,
+    /// What a reader of the figure should know beside the conditions; may be empty.
+    pub(super) remark: String,
 }
 
 /// Why a row is not measured.
@@ -31,7 +33,7 @@ impl std::fmt::Display for NotExpressed {
 impl Plan {
     /// The plan of one experiment.
     pub(super) fn one(experiment: Experiment, value: fn(&Outcome) -> f64) -> Plan {
-        Plan { experiments: vec![experiment], value: Box::new(move |outcomes| value(outcomes[0])) }
+        Plan::of(vec![experiment], move |outcomes| value(outcomes[0]))
     }
 
     /// The plan of several experiments.
@@ -39,15 +41,21 @@ impl Plan {
         experiments: Vec<Experiment>,
         value: impl Fn(&[&Outcome]) -> f64 + Send + Sync + 'static,
     ) -> Plan {
-        Plan { experiments, value: Box::new(value) }
+        Plan { experiments, value: Box::new(value), remark: String::new() }
     }
 
-    /// The conditions of the measurement.
+    /// The plan with a remark.
+    pub(super) fn remarked(self, remark: String) -> Plan {
+        Plan { remark, ..self }
+    }
+
+    /// The conditions of the measurement, and the remark.
     pub(super) fn note(&self) -> String {
         let mut settings: Vec<&str> =
             self.experiments.iter().flat_map(|e| &e.settings).map(String::as_str).collect();
         settings.sort_unstable();
         settings.dedup();
+        settings.extend(Some(self.remark.as_str()).filter(|remark| !remark.is_empty()));
         settings.join(", ")
     }
 }

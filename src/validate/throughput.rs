@@ -1,8 +1,8 @@
 //! Families `issue`, `flops`, `l1`, `l2`, `bw`, `stream`, `ring`, `gather`, `atomic`: work in a time.
 
 use lrbsim_micro::{
-    Arrays, Atomic, Bench, Gather, Issue, LineOperation, LockedLine, Operation, Prefetch, Store, Stream,
-    Threads,
+    Arrays, Atomic, Bench, Extent, Gather, Issue, LineOperation, LockedLine, Operation, Prefetch, Store,
+    Stream, Threads,
 };
 
 use super::experiment::{Experiment, Outcome};
@@ -19,9 +19,14 @@ const ARRAY_BYTES: u64 = 1 << 30;
 
 /// Lines that a core reads or writes while a bandwidth is measured: some hundred times what is in flight; and more when few
 /// cores work, so that they too meet many banks.
-const LINES_PER_CORE_MIN: u32 = 4096;
+const LINES_PER_CORE_MIN: u32 = 8192;
 const LINES_PER_CORE_MAX: u32 = 65_536;
-const LINES: u32 = 262_144;
+const LINES: u32 = 524_288;
+
+/// Lines of each array that a thread works on while a loop is measured that stays in a cache, and laps: enough of both that
+/// threads get out of step and the end of a lap does not stand for all of it.
+const RESIDENT_LINES_MIN: u32 = 8192;
+const LAPS_MIN: u32 = 4;
 
 /// With one address and one acknowledge ring a direction.
 const ONE_PAIR: [&str; 2] = ["ring.address_rings=1", "ring.acknowledge_rings=1"];
@@ -106,10 +111,34 @@ fn resident(
         prefetch,
         arrays: Arrays::Split { bytes: 0 },
         threads: on_core(threads),
-        warm_lines: lines,
-        lines,
-        again: true,
+        extent: Extent::Laps { lines, laps: (RESIDENT_LINES_MIN / lines).max(LAPS_MIN).next_multiple_of(4) },
     }))
+}
+
+/// Issue cycles a line of a loop that hits L1, if every slot were used: with each load a uop of its own, as here, and with
+/// one of them folded into the arithmetic, as on the chip.
+///
+/// ```text
+/// uops a line    loads, one of arithmetic, stores, less the folded one; and the loop's own, over the lines of a turn
+/// cycles a line  half of the uops, at least one a load: two pipes, and one load a cycle, folded or not
+/// ```
+///
+/// One thread issues every `thread_issue_interval_cycles`, several share the cycles.
+fn issue_cycles_a_line(stream: &Stream, interval_cycles: f64) -> [f64; 2] {
+    let loads = f64::from(stream.reads);
+    let stores = if stream.store == Store::No { 0.0 } else { 1.0 };
+    let cycles = (interval_cycles / f64::from(stream.threads.count())).max(1.0);
+    [0.0, 1.0].map(|folded| {
+        let uops = loads + 1.0 + stores - folded + f64::from(Stream::LOOP_UOPS) / f64::from(Stream::UNROLL);
+        cycles * (uops / 2.0).max(loads)
+    })
+}
+
+/// The remark of a row of L1 bandwidth.
+fn what_folding_gives(stream: &Stream, at: &Conditions<'_>) -> String {
+    let interval = f64::from(at.machine.config.core.thread_issue_interval_cycles);
+    let [apart, folded] = issue_cycles_a_line(stream, interval);
+    format!("at best {apart:.2} cycles a line, where a folded load operand allows {folded:.2}")
 }
 
 fn cache(id: &[&str], at: &Conditions<'_>) -> Result<Plan, NotExpressed> {
@@ -139,8 +168,12 @@ fn cache(id: &[&str], at: &Conditions<'_>) -> Result<Plan, NotExpressed> {
             let threads = threads_of(threads, most)?;
             let l1_bytes = at.machine.spec.l1d.sets * at.machine.spec.l1d.ways * 64;
             let footprint = if *level == "l1" { l1_bytes / 4 * 3 } else { l2_bytes };
-            let bench = at.experiment(resident(kernel, threads, footprint, Prefetch::No)?);
-            Ok(Plan::one(bench, Outcome::units_per_ns))
+            let bench = resident(kernel, threads, footprint, Prefetch::No)?;
+            let folding = match &bench {
+                Bench::Stream(stream) if *level == "l1" => what_folding_gives(stream, at),
+                _ => String::new(),
+            };
+            Ok(Plan::one(at.experiment(bench), Outcome::units_per_ns).remarked(folding))
         }
         _ => Err(UNKNOWN),
     }
@@ -151,16 +184,19 @@ fn from_memory(at: &Conditions<'_>, reads: u32, store: Store, prefetch: Prefetch
     let a_core = threads.count() / threads.cores_used(at.cores);
     // A cache that starts empty has nothing to write back: fill it first.
     let warm = if store == Store::No { 256 } else { at.l2_lines() * 9 / 8 };
-    let lines = |lines: u32| (lines / a_core).max(256).next_multiple_of(8);
+    let lines = |lines: u32| (lines / a_core).max(256).next_multiple_of(32);
     Bench::Stream(Stream {
         reads,
         store,
         prefetch,
         arrays: Arrays::Split { bytes: ARRAY_BYTES },
         threads,
-        warm_lines: lines(warm),
-        lines: lines((LINES / threads.cores_used(at.cores)).clamp(LINES_PER_CORE_MIN, LINES_PER_CORE_MAX)),
-        again: false,
+        extent: Extent::Onward {
+            warm_lines: lines(warm),
+            lines: lines(
+                (LINES / threads.cores_used(at.cores)).clamp(LINES_PER_CORE_MIN, LINES_PER_CORE_MAX),
+            ),
+        },
     })
 }
 
@@ -299,9 +335,7 @@ fn ring(id: &[&str], at: &Conditions<'_>) -> Result<Plan, NotExpressed> {
         ["ring", "msgs_per_miss"] => {
             // Few enough lines that none is thrown out, of which the home would be told.
             let experiment = latency::memory(at, at.l2_lines() / 2);
-            Ok(Plan::one(experiment, |o| {
-                (o.counters.ring.messages + o.counters.ring.local) as f64 / o.counters.memory.reads as f64
-            }))
+            Ok(Plan::one(experiment, |o| o.counts.ring_messages / o.counts.memory_reads))
         }
         _ => Err(UNKNOWN),
     }
@@ -313,7 +347,7 @@ fn gather(id: &[&str], at: &Conditions<'_>) -> Result<Plan, NotExpressed> {
         ["gather", "steps"] => {
             // Two numbers of lines, so that what the loop around the gathers loads does not count.
             Ok(Plan::of(vec![bench(8, 8 << 10), bench(16, 8 << 10)], |o| {
-                let accesses = |i: usize| o[i].counters.l1d.accesses as f64;
+                let accesses = |i: usize| o[i].counts.l1d_accesses;
                 (accesses(1) - accesses(0)) / (8.0 * o[0].units)
             }))
         }
@@ -351,5 +385,21 @@ fn atomic(id: &[&str], at: &Conditions<'_>) -> Result<Plan, NotExpressed> {
             Ok(Plan::one(bench(LockedLine::Remote, LineOperation::Store), Outcome::ns_per_unit))
         }
         _ => Err(UNKNOWN),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folded_operand_leaves_room_for_the_uops_of_the_loop() {
+        let of = |threads| {
+            let Ok(Bench::Stream(stream)) = resident("saxpy_inplace", threads, 24 << 10, Prefetch::No) else {
+                panic!("a stream")
+            };
+            issue_cycles_a_line(&stream, 2.0)
+        };
+        assert_eq!([1, 2, 3, 4].map(of), [[4.5, 4.0], [2.25, 2.0], [2.25, 2.0], [2.25, 2.0]]);
     }
 }

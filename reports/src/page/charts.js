@@ -1,8 +1,8 @@
 "use strict";
 // Small charts, drawn as SVG. Colors are Okabe and Ito's, then grays; every part has its name and number as a title.
-const CAUSES = ["issue", "dependency", "l1", "l2", "remote", "ring", "memory", "atomic", "gather_lines", "queue", "barrier"];
-const COLORS = ["#0072b2", "#56b4e9", "#009e73", "#8fd6bb", "#e69f00", "#f0e442", "#d55e00", "#cc79a7", "#7a5195", "#8a8f99", "#c9cdd4"];
-const LABELS = { l1: "L1", l2: "L2", gather_lines: "gather lines", barrier: "barrier / idle" };
+const CAUSES = ["issue", "dependency", "l1", "l2", "mshr", "tlb", "remote", "ring", "memory", "atomic", "gather_lines", "queue", "barrier"];
+const COLORS = ["#0072b2", "#56b4e9", "#009e73", "#8fd6bb", "#00533d", "#8c6d31", "#e69f00", "#f0e442", "#d55e00", "#cc79a7", "#7a5195", "#8a8f99", "#c9cdd4"];
+const LABELS = { l1: "L1", l2: "L2", mshr: "MSHR", tlb: "TLB", gather_lines: "gather lines", barrier: "barrier / idle" };
 const label = (name) => LABELS[name] || name.replaceAll("_", " ");
 
 function element(name, attributes, ...children) {

@@ -153,6 +153,19 @@ mod tests {
     }
 
     #[test]
+    fn the_page_knows_every_cause_by_its_name_and_a_color_of_its_own() {
+        let list = |name: &str| -> Vec<String> {
+            let (_, rest) = CHARTS.split_once(&format!("const {name} = ")).expect("a list of the page");
+            serde_json::from_str(rest.split_once(';').expect("its end").0).expect("strings")
+        };
+        assert_eq!(list("CAUSES"), lrbsim_machine::Cause::ALL.map(lrbsim_machine::Cause::name));
+        let mut colors = list("COLORS");
+        colors.sort_unstable();
+        colors.dedup();
+        assert_eq!(colors.len(), lrbsim_machine::Cause::COUNT);
+    }
+
+    #[test]
     fn names_cannot_end_the_script() {
         let mut report = sample::timed();
         report.scene.name = "</script><script>alert(1)</script>{{data}}".to_owned();

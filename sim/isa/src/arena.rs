@@ -17,13 +17,18 @@ pub const TASK_COUNTER_LINE: Line = Line(0);
 /// Line that holds the arrival counter of the barrier.
 pub const BARRIER_LINE: Line = Line(1);
 
-/// First line that [`Arena::alloc`] gives out; the lines before it belong to the runtime.
-const FIRST_FREE_BYTE: u64 = 64 * LINE_BYTES;
+/// Line that holds the constant pool: constants are few and stay in L1.
+pub const CONSTANT_LINE: Line = Line(2);
 
-/// First of the line numbers that stand for the stack of the running hardware thread. Stacks hold spilled registers and
-/// values on their way between lanes and scalars, so they have numbers (for caches to hold) but no bytes here. In a
-/// stream every line at or past this base, of whatever class, is `STACK_BASE_LINE + slot`; a machine adds
-/// `hardware thread * STACK_LINES` to it.
+/// Lines that belong to the runtime; [`Arena::alloc`] gives out those behind.
+pub const RUNTIME_LINES: u32 = 64;
+
+/// First byte that [`Arena::alloc`] gives out.
+const FIRST_FREE_BYTE: u64 = RUNTIME_LINES as u64 * LINE_BYTES;
+
+/// First of the line numbers that stand for stacks. Stacks hold spilled registers and values on their way between lanes
+/// and scalars, so they have numbers (for caches to hold) but no bytes here. Those of a hardware thread begin
+/// `hardware thread * STACK_LINES` behind; see [`StreamLine`](crate::stream::StreamLine).
 pub const STACK_BASE_LINE: u32 = 0xf000_0000;
 
 /// Lines of one hardware thread's stack.

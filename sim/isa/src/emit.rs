@@ -1,6 +1,8 @@
 //! What an operation leaves behind: nothing but a count, or a uop in a stream.
 
+use crate::arena::Line;
 use crate::lanes::Lanes;
+use crate::stream::StreamLine;
 use crate::uop::Class;
 
 /// Takes note of every operation.
@@ -17,10 +19,10 @@ pub trait Emit {
     /// A memory uop with its producers; its `lines` lines have just been pushed.
     fn memory<const N: usize>(&mut self, class: Class, producers: [Self::Id; N], lines: u8) -> Self::Id;
     /// One line of the memory uop to come.
-    fn line(&mut self, line: u32);
-    /// The lines from `first` to `last` of the memory uop to come, which are one or two neighbours; how many.
-    fn line_or_two(&mut self, first: u32, last: u32) -> u8;
-    /// The distinct lines among those of the active lanes, in lane order, of the memory uop to come; how many.
+    fn line(&mut self, line: StreamLine);
+    /// The lines of the arena from `first` to `last` of the memory uop to come, which are one or two neighbours; how many.
+    fn line_or_two(&mut self, first: Line, last: Line) -> u8;
+    /// The distinct lines of the arena among those of the active lanes, in lane order, of the memory uop to come; how many.
     fn distinct_lines<L: Lanes>(&mut self, k: u16, lines: L::I) -> u8;
     /// The `count` lines of the memory uop just emitted once more, for the memory uop to come.
     fn repeat_lines<L: Lanes>(&mut self, count: u8);
@@ -93,9 +95,9 @@ impl Emit for Count<'_> {
         self.0.class_counts[class as usize] += 1;
     }
     #[inline(always)]
-    fn line(&mut self, _: u32) {}
+    fn line(&mut self, _: StreamLine) {}
     #[inline(always)]
-    fn line_or_two(&mut self, _: u32, _: u32) -> u8 {
+    fn line_or_two(&mut self, _: Line, _: Line) -> u8 {
         0
     }
     #[inline(always)]

@@ -349,7 +349,7 @@ mod tests {
             for phase in &program.phases {
                 for make_step in &phase.steps {
                     let step = make_step(&mut program.state, &mut arena);
-                    let mut source = StepSource { step: &step, arena: &arena, simd };
+                    let source = StepSource { step: &step, arena: &arena, simd, shared: false };
                     for task in 0..source.tasks() {
                         let mut stream = Stream::default();
                         source.record(task, &mut stream);

@@ -37,6 +37,6 @@ pub use host::HostSimd;
 pub use kernel::{AnyKernel, Kernel};
 pub use program::{Ordering, Phase, Program, Step, StepSource, TaskSource};
 pub use spill::VECTOR_REGISTERS;
-pub use stream::Stream;
+pub use stream::{Place, Stream, StreamLine};
 pub use uop::{Class, Uop};
 pub use vpu::{Compare, Vpu};

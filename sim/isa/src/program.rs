@@ -59,17 +59,22 @@ pub struct Program<S> {
 }
 
 /// Where a machine gets the streams of a step.
-pub trait TaskSource {
+pub trait TaskSource: Sync {
     /// Number of tasks of the step.
     fn tasks(&self) -> u32;
 
+    /// Whether tasks must be recorded one after the other, in index order, because values returned by their atomics are
+    /// used.
+    fn is_ordered(&self) -> bool;
+
     /// Runs task `task` functionally and leaves its stream in `stream`, whose old content is dropped.
     ///
-    /// Asked once for every task, in index order: that order is what makes ordered steps repeatable.
-    fn record(&mut self, task: u32, stream: &mut Stream);
+    /// Asked once for every task: in index order when [`TaskSource::is_ordered`], else in any order and from several host
+    /// threads at once.
+    fn record(&self, task: u32, stream: &mut Stream);
 }
 
-/// Records the tasks of a step one by one on the calling thread.
+/// Records the tasks of a step, each on the host thread that asks for it.
 pub struct StepSource<'a> {
     /// The step.
     pub step: &'a Step,
@@ -77,6 +82,9 @@ pub struct StepSource<'a> {
     pub arena: &'a Arena,
     /// Which host instructions compute the lanes.
     pub simd: HostSimd,
+    /// Whether several host threads record at once, so that adds to the arena must be host atomics. Streams and memory
+    /// are the same either way.
+    pub shared: bool,
 }
 
 impl TaskSource for StepSource<'_> {
@@ -84,8 +92,12 @@ impl TaskSource for StepSource<'_> {
         self.step.tasks
     }
 
-    fn record(&mut self, task: u32, stream: &mut Stream) {
+    fn is_ordered(&self) -> bool {
+        self.step.ordering == Ordering::Ordered
+    }
+
+    fn record(&self, task: u32, stream: &mut Stream) {
         stream.clear();
-        self.step.kernel.record(self.simd, self.arena, task, stream);
+        self.step.kernel.record_shared(self.simd, self.arena, task, self.shared, stream);
     }
 }

@@ -1,9 +1,8 @@
 //! Register pressure: how many vector registers a task needs at once, and the price of needing more than there are.
 
-use crate::arena::STACK_BASE_LINE;
 use crate::backend::{SPILL_SLOT, SPILL_SLOTS};
 use crate::lanes::{LANES, Lanes};
-use crate::stream::Stream;
+use crate::stream::{Stream, StreamLine};
 use crate::uop::{Class, Uop};
 
 /// Vector registers of a hardware thread [machine.md 1.2: abrash09].
@@ -95,7 +94,7 @@ fn count_spills(mut live: i32, made: &[u32], ended: &[u8]) -> u32 {
 /// operands.
 pub(crate) fn charge(stream: &mut Stream, spills: u32) {
     for spill in 0..spills {
-        let line = STACK_BASE_LINE + SPILL_SLOT + spill % SPILL_SLOTS;
+        let line = StreamLine::stack(SPILL_SLOT + spill % SPILL_SLOTS);
         stream.uops.push(Uop::memory(Class::SpillStore, 0, 0, 1).0);
         stream.lines.push(line);
         stream.uops.push(Uop::memory(Class::SpillLoad, 1, 0, 1).0);

@@ -1,20 +1,92 @@
 //! The stream of one task: its uops, and beside them the lines they touch.
 
+use crate::arena::{CONSTANT_LINE, Line, RUNTIME_LINES, STACK_BASE_LINE, STACK_LINES, TASK_COUNTER_LINE};
 use crate::uop::Class;
 
 /// Uops of one task at most: a thousand times what a task is meant to have.
 pub const TASK_UOPS_MAX: usize = 1 << 26;
 
+/// A line that a uop touches, as the stream of its task has it: before it is known which hardware thread runs the task.
+///
+/// One word: below [`STACK_BASE_LINE`] the number of a line of the arena, from there on `STACK_BASE_LINE + slot`. The class
+/// of the uop says nothing about where its line lies: spills go to the stack, and so do the loads and stores that carry
+/// values between lanes and scalars.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[repr(transparent)]
+pub struct StreamLine(u32);
+
+/// Where a [`StreamLine`] lies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Place {
+    /// This line of the arena, among those that [`Arena::alloc`](crate::Arena::alloc) gives out. All threads share it.
+    Arena(u32),
+    /// This slot of the stack of the hardware thread that runs the task, below [`STACK_LINES`]. No other thread has it.
+    Stack(u32),
+    /// This line of the runtime, below [`RUNTIME_LINES`]: task counter, barrier, constants. All threads share it.
+    Runtime(u32),
+}
+
+impl StreamLine {
+    /// The task counter of the running step.
+    pub const TASK_COUNTER: StreamLine = StreamLine::arena(TASK_COUNTER_LINE);
+
+    /// The constant pool.
+    pub const CONSTANTS: StreamLine = StreamLine::arena(CONSTANT_LINE);
+
+    /// A line of the arena or, among its first [`RUNTIME_LINES`], of the runtime.
+    #[inline(always)]
+    pub const fn arena(line: Line) -> StreamLine {
+        debug_assert!(line.0 < STACK_BASE_LINE);
+        StreamLine(line.0)
+    }
+
+    /// Slot `slot` of the stack of whichever hardware thread runs the task, below [`STACK_LINES`].
+    #[inline(always)]
+    pub const fn stack(slot: u32) -> StreamLine {
+        debug_assert!(slot < STACK_LINES);
+        StreamLine(STACK_BASE_LINE + slot)
+    }
+
+    /// Where the line lies: in the arena, on a stack, or among those of the runtime.
+    #[inline(always)]
+    pub const fn place(self) -> Place {
+        if self.0 >= STACK_BASE_LINE {
+            Place::Stack(self.0 - STACK_BASE_LINE)
+        } else if self.0 < RUNTIME_LINES {
+            Place::Runtime(self.0)
+        } else {
+            Place::Arena(self.0)
+        }
+    }
+
+    /// The number of the line on the chip when hardware thread `hardware_thread` of the chip runs the task: a line of the
+    /// arena or the runtime is itself, a slot is one of the thread's own stack.
+    ///
+    /// Every access of every class passes here, so it costs the host one comparison and one addition, and no branch.
+    #[inline(always)]
+    pub const fn resolved(self, hardware_thread: u32) -> u32 {
+        let is_stack = (self.0 >= STACK_BASE_LINE) as u32;
+        // All bits of the mask are set for a slot, none for any other line.
+        let mask = 0_u32.wrapping_sub(is_stack);
+        self.0 + ((hardware_thread * STACK_LINES) & mask)
+    }
+
+    /// The word that stands for it in a stream, for hashes and messages.
+    #[inline(always)]
+    pub const fn bits(self) -> u32 {
+        self.0
+    }
+}
+
 /// What one task leaves behind for a machine to time.
 ///
-/// `uops` in program order, `lines` the line numbers (arena offset / 64) of the memory uops in the same order, one entry
-/// per distinct line. Streams are reused: consumed and cleared, never stored.
+/// `uops` in program order, `lines` the lines of the memory uops in the same order, one entry per distinct line. Streams are reused: consumed and cleared, never stored.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Stream {
     /// Encoded [`Uop`](crate::uop::Uop)s.
     pub uops: Vec<u32>,
-    /// Line numbers of the memory uops.
-    pub lines: Vec<u32>,
+    /// Lines of the memory uops.
+    pub lines: Vec<StreamLine>,
     /// Lane-slots of vector uops that did work.
     pub lanes_active: u64,
     /// Lane-slots of vector uops that were masked off.

@@ -29,12 +29,12 @@ fn main() {
         }
         let streams: Vec<Stream> = (0..TASKS).map(|task| mix.stream(task, 4000)).collect();
         for fidelity in [Fidelity::Functional, Fidelity::Windowed, Fidelity::Cycle] {
-            let mut chip = Chip::new(&spec, fidelity);
+            let mut chip = Chip::new(&spec, fidelity, 1);
             let mut sum = StepReport::default();
             let start = std::time::Instant::now();
             for _ in 0..STEPS {
-                let mut tasks = Tasks { count: TASKS, make: |task| streams[task as usize].clone() };
-                sum += chip.run_step(&mut tasks);
+                let tasks = Tasks { count: TASKS, make: |task| streams[task as usize].clone() };
+                sum += chip.run_step(&tasks).expect("moves");
             }
             let seconds = start.elapsed().as_secs_f64();
             println!(

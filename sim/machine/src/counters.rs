@@ -14,10 +14,14 @@ pub enum Cause {
     Issue = 0,
     /// Waits for a result that is not from memory, or for a branch.
     Dependency,
-    /// Waits for data that hit L1, or for a free MSHR.
+    /// Waits for data that hit L1, or for an access port of the L1.
     L1,
     /// Waits for data that hit L2.
     L2,
+    /// Waits for a free MSHR, or for a way of the L2 that no fill is on its way to.
+    Mshr,
+    /// Waits for the translation of an address.
+    Tlb,
     /// Waits for a line or its ownership from other cores.
     Remote,
     /// Waits for data that was held up longest by full ring slots.
@@ -36,7 +40,7 @@ pub enum Cause {
 
 impl Cause {
     /// Number of causes.
-    pub const COUNT: usize = 11;
+    pub const COUNT: usize = 13;
 
     /// All causes, in the order in which stacks are drawn.
     pub const ALL: [Cause; Cause::COUNT] = [
@@ -44,6 +48,8 @@ impl Cause {
         Cause::Dependency,
         Cause::L1,
         Cause::L2,
+        Cause::Mshr,
+        Cause::Tlb,
         Cause::Remote,
         Cause::Ring,
         Cause::Memory,
@@ -60,6 +66,8 @@ impl Cause {
             Cause::Dependency => "dependency",
             Cause::L1 => "l1",
             Cause::L2 => "l2",
+            Cause::Mshr => "mshr",
+            Cause::Tlb => "tlb",
             Cause::Remote => "remote",
             Cause::Ring => "ring",
             Cause::Memory => "memory",
@@ -70,6 +78,9 @@ impl Cause {
         }
     }
 }
+
+// A time carries its cause in four bits of its word, see `when.rs`.
+const _: () = assert!(Cause::COUNT <= 16);
 
 /// Declares a struct of additive `u64` counters.
 macro_rules! counters {
@@ -94,10 +105,14 @@ counters! {
         issue,
         /// Core-cycles waiting for a result that is not from memory.
         dependency,
-        /// Core-cycles waiting for data that hit L1, or for a free MSHR.
+        /// Core-cycles waiting for data that hit L1, or for an access port of the L1.
         l1,
         /// Core-cycles waiting for data that hit L2.
         l2,
+        /// Core-cycles waiting for a free MSHR, or for a way of the L2 that no fill is on its way to.
+        mshr,
+        /// Core-cycles waiting for the translation of an address.
+        tlb,
         /// Core-cycles waiting for other cores.
         remote,
         /// Core-cycles waiting for data that full ring slots held up longest.
@@ -118,8 +133,36 @@ counters! {
 impl CycleStack {
     /// A stack from core-cycles in the order of [`Cause::ALL`].
     pub fn from_array(cycles: [u64; Cause::COUNT]) -> CycleStack {
-        let [issue, dependency, l1, l2, remote, ring, memory, atomic, gather_lines, queue, barrier] = cycles;
-        CycleStack { issue, dependency, l1, l2, remote, ring, memory, atomic, gather_lines, queue, barrier }
+        let [
+            issue,
+            dependency,
+            l1,
+            l2,
+            mshr,
+            tlb,
+            remote,
+            ring,
+            memory,
+            atomic,
+            gather_lines,
+            queue,
+            barrier,
+        ] = cycles;
+        CycleStack {
+            issue,
+            dependency,
+            l1,
+            l2,
+            mshr,
+            tlb,
+            remote,
+            ring,
+            memory,
+            atomic,
+            gather_lines,
+            queue,
+            barrier,
+        }
     }
 
     /// Core-cycles of `cause`.
@@ -129,6 +172,8 @@ impl CycleStack {
             Cause::Dependency => self.dependency,
             Cause::L1 => self.l1,
             Cause::L2 => self.l2,
+            Cause::Mshr => self.mshr,
+            Cause::Tlb => self.tlb,
             Cause::Remote => self.remote,
             Cause::Ring => self.ring,
             Cause::Memory => self.memory,

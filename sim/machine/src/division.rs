@@ -1,7 +1,7 @@
 //! Exact division by a number that never changes, without the host's slow instruction for it.
 
 /// A divisor, and its reciprocal in 1/2^64.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Divisor {
     divisor: u64,
     reciprocal: u64,

@@ -8,10 +8,10 @@ use std::str::FromStr;
 pub enum Fidelity {
     /// Counts uops, lanes and tasks; no time.
     Functional,
-    /// All uops; issue slots from 64-cycle windows, cores in turn, each transaction timed when it is made.
+    /// All uops; each core alone for a window, then what all of them asked for, each transaction timed whole.
     #[default]
     Windowed,
-    /// The reference: one cycle at a time, shared resources asked in global time order.
+    /// The reference: one cycle at a time, a transaction a chain of legs, shared resources asked in global time order.
     Cycle,
 }
 

@@ -8,6 +8,7 @@
 //!                                                            └── other L2s ◄┘
 //! ```
 //!
+//! A core with its caches is one room, which runs alone for a window; everything that cores share is the other.
 //! [`Chip::run_step`] takes the tasks of a step and returns what they cost. Function and timing are apart: streams say
 //! which lines a task touches and which uops need which results, never what is in them.
 
@@ -18,17 +19,21 @@ pub mod config;
 mod core;
 pub mod counters;
 mod division;
+mod exchange;
 pub mod fidelity;
 mod memory;
 mod occupancy;
+mod pages;
 mod ring;
 mod scheduler;
 mod when;
 
 #[cfg(test)]
+mod laws;
+#[cfg(test)]
 mod streams;
 
-pub use chip::{Chip, CoreActivity};
+pub use chip::{Chip, CoreActivity, Stuck};
 pub use config::{ConfigError, MachineConfig, MachineSpec, builtin_machine, builtin_machine_names};
 pub use counters::{Cause, CycleStack, PhaseCounters, StepReport};
 pub use fidelity::{Fidelity, FidelityError};

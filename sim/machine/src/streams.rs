@@ -1,7 +1,8 @@
 //! Hand-written and synthetic streams, for tests.
 
+use lrbsim_isa::Line;
 use lrbsim_isa::program::TaskSource;
-use lrbsim_isa::stream::Stream;
+use lrbsim_isa::stream::{Stream, StreamLine};
 use lrbsim_isa::uop::{Class, Uop};
 
 /// A stream under construction.
@@ -18,10 +19,17 @@ impl Builder {
         self
     }
 
-    /// A uop that touches `lines`.
+    /// A uop that touches `lines` of the arena.
     pub(crate) fn memory(mut self, class: Class, producer: u8, lines: &[u32]) -> Builder {
         self.stream.uops.push(Uop::memory(class, producer, 0, lines.len() as u8).0);
-        self.stream.lines.extend_from_slice(lines);
+        self.stream.lines.extend(lines.iter().map(|line| StreamLine::arena(Line(*line))));
+        self
+    }
+
+    /// A uop that touches slot `slot` of the stack of the thread that runs it.
+    pub(crate) fn on_stack(mut self, class: Class, producer: u8, slot: u32) -> Builder {
+        self.stream.uops.push(Uop::memory(class, producer, 0, 1).0);
+        self.stream.lines.push(StreamLine::stack(slot));
         self
     }
 
@@ -44,18 +52,22 @@ pub(crate) struct Tasks<F> {
     pub(crate) make: F,
 }
 
-impl<F: FnMut(u32) -> Stream> TaskSource for Tasks<F> {
+impl<F: Fn(u32) -> Stream + Sync> TaskSource for Tasks<F> {
     fn tasks(&self) -> u32 {
         self.count
     }
 
-    fn record(&mut self, task: u32, stream: &mut Stream) {
+    fn is_ordered(&self) -> bool {
+        false
+    }
+
+    fn record(&self, task: u32, stream: &mut Stream) {
         *stream = (self.make)(task);
     }
 }
 
 /// Tasks that each have the same stream.
-pub(crate) fn same(count: u32, stream: Stream) -> Tasks<impl FnMut(u32) -> Stream> {
+pub(crate) fn same(count: u32, stream: Stream) -> Tasks<impl Fn(u32) -> Stream> {
     Tasks { count, make: move |_| stream.clone() }
 }
 

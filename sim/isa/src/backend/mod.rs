@@ -12,13 +12,11 @@ mod places;
 
 use core::marker::PhantomData;
 
-use crate::arena::{Addr, Arena, Memory, STACK_BASE_LINE, STACK_LINES};
+use crate::arena::{Addr, Arena, Memory, STACK_LINES};
 use crate::emit::Emit;
 use crate::lanes::{LANES, Lanes};
+use crate::stream::StreamLine;
 use crate::uop::Class;
-
-/// Line of the constant pool: constants are few and stay in L1.
-const CONSTANT_LINE: u32 = 2;
 
 /// Stack slots that values between lanes and scalars take in turn.
 const TRANSFER_SLOTS: u32 = 8;
@@ -73,15 +71,15 @@ impl<'a, L: Lanes, E: Emit> Backend<'a, L, E> {
 
     /// The stack line for the next transfer between lanes and scalars.
     #[inline(always)]
-    fn next_transfer_line(&mut self) -> u32 {
+    fn next_transfer_line(&mut self) -> StreamLine {
         self.transfer_slot = (self.transfer_slot + 1) % TRANSFER_SLOTS;
-        STACK_BASE_LINE + self.transfer_slot
+        StreamLine::stack(self.transfer_slot)
     }
 
     #[inline(always)]
     fn constant<T>(&mut self, class: Class, v: T) -> Value<T, E::Id> {
         let lines = if E::LINES {
-            self.emit.line(CONSTANT_LINE);
+            self.emit.line(StreamLine::CONSTANTS);
             1
         } else {
             0

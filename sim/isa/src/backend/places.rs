@@ -4,6 +4,7 @@ use super::Backend;
 use crate::arena::{Addr, LINE_BYTES, out_of_range};
 use crate::emit::Emit;
 use crate::lanes::Lanes;
+use crate::stream::StreamLine;
 
 impl<L: Lanes, E: Emit> Backend<'_, L, E> {
     /// Notes the line of a word. A word lies in one line: addresses are multiples of 4.
@@ -13,7 +14,7 @@ impl<L: Lanes, E: Emit> Backend<'_, L, E> {
             return 0;
         }
         debug_assert!(addr.is_multiple_of(4), "word at {addr:#x}, which is no multiple of 4");
-        self.emit.line((addr / LINE_BYTES) as u32);
+        self.emit.line(StreamLine::arena(Addr(addr).line()));
         1
     }
 
@@ -23,9 +24,7 @@ impl<L: Lanes, E: Emit> Backend<'_, L, E> {
         if !E::LINES || bytes == 0 {
             return 0;
         }
-        let first = (addr / LINE_BYTES) as u32;
-        let last = ((addr + bytes - 1) / LINE_BYTES) as u32;
-        self.emit.line_or_two(first, last)
+        self.emit.line_or_two(Addr(addr).line(), Addr(addr + bytes - 1).line())
     }
 
     /// Lines and byte count of the active lanes' span at `addr`.

@@ -5,7 +5,7 @@ use core::cell::Cell;
 use crate::arena::map_bytes;
 use crate::lanes::{LANES, Lanes};
 use crate::spill;
-use crate::stream::{Stream, TASK_UOPS_MAX};
+use crate::stream::{Stream, StreamLine, TASK_UOPS_MAX};
 use crate::uop::{DISTANCE_MAX, LINES_MAX};
 
 /// Id of the first uop of a task. More than [`DISTANCE_MAX`], so that id 0, a constant, is always too far back to name.
@@ -51,8 +51,8 @@ pub(super) struct Pointers {
     pub(super) uops: *mut u32,
     /// The id of the last reader of each vector register by the id of its maker; 0 between tasks.
     pub(super) last_reader: *mut u32,
-    /// Line numbers; as many as the uops can have, and room for one vector past the last.
-    pub(super) lines: *mut u32,
+    /// Lines; as many as the uops can have, and room for one vector past the last.
+    pub(super) lines: *mut StreamLine,
     /// How many vector registers have their last reader at each id; 0 between tasks.
     pub(super) ends: *mut u8,
     /// The id from which on there is less than the room for a run.
@@ -68,9 +68,9 @@ impl Places {
         let mut map = map_bytes(bytes)?;
         let uops = map.as_mut_ptr().cast::<u32>();
         let last_reader = uops.wrapping_add(ids);
-        let line_numbers = last_reader.wrapping_add(ids);
-        let ends = line_numbers.wrapping_add(lines).cast();
-        Some(Places { _map: map, at: Pointers { uops, last_reader, lines: line_numbers, ends, ids_end } })
+        let stream_lines = last_reader.wrapping_add(ids).cast::<StreamLine>();
+        let ends = stream_lines.wrapping_add(lines).cast();
+        Some(Places { _map: map, at: Pointers { uops, last_reader, lines: stream_lines, ends, ids_end } })
     }
 }
 

@@ -4,8 +4,10 @@ mod buffers;
 #[cfg(test)]
 mod tests;
 
+use crate::arena::Line;
 use crate::emit::Emit;
 use crate::lanes::Lanes;
+use crate::stream::StreamLine;
 use crate::uop::{Class, DISTANCE_MAX, Uop};
 use buffers::{At, FIRST_ID, ID_LIMIT, LaneSlots, Pointers, RUN_UOPS_MAX};
 pub(crate) use buffers::{Buffers, Recorded};
@@ -164,7 +166,7 @@ impl Emit for Record<'_> {
 
     #[inline(always)]
     #[expect(unsafe_code, reason = "a checked push would keep the length in host memory")]
-    fn line(&mut self, line: u32) {
+    fn line(&mut self, line: StreamLine) {
         // SAFETY: the last branch left places for the lines of a run.
         unsafe { self.pointers.lines.add(self.recorded.at.lines).write(line) };
         self.recorded.at.lines = self.recorded.at.lines.wrapping_add(1);
@@ -172,14 +174,14 @@ impl Emit for Record<'_> {
 
     #[inline(always)]
     #[expect(unsafe_code, reason = "a checked push would keep the length in host memory")]
-    fn line_or_two(&mut self, first: u32, last: u32) -> u8 {
-        let more = last.wrapping_sub(first);
+    fn line_or_two(&mut self, first: Line, last: Line) -> u8 {
+        let more = last.0.wrapping_sub(first.0);
         debug_assert!(more < 2);
         // SAFETY: as in `line`; there is room for one vector past the last.
         unsafe {
             let to = self.pointers.lines.add(self.recorded.at.lines);
-            to.write(first);
-            to.add(1).write(last);
+            to.write(StreamLine::arena(first));
+            to.add(1).write(StreamLine::arena(last));
         }
         self.recorded.at.lines = self.recorded.at.lines.wrapping_add(1).wrapping_add(more as usize);
         (1 + more) as u8

@@ -1,7 +1,7 @@
 use super::buffers::IDS_AT_FIRST;
 use super::*;
 use crate::lanes::{LANES, Portable};
-use crate::stream::Stream;
+use crate::stream::{Stream, StreamLine};
 
 #[test]
 fn the_youngest_producers_are_kept() {
@@ -11,6 +11,10 @@ fn the_youngest_producers_are_kept() {
     let mut kept = youngest_two([5, 1, 9, 7]);
     kept.sort_unstable();
     assert_eq!(kept, [7, 9]);
+}
+
+fn arena_lines(numbers: impl IntoIterator<Item = u32>) -> Vec<StreamLine> {
+    numbers.into_iter().map(|number| StreamLine::arena(Line(number))).collect()
 }
 
 fn record_in(buffers: &mut Buffers, task: impl FnOnce(&mut Record<'_>)) -> Stream {
@@ -46,13 +50,13 @@ fn a_constant_and_a_far_producer_are_no_dependency() {
 fn tasks_do_not_see_what_earlier_ones_left() {
     let task = |record: &mut Record<'_>| {
         let made: [usize; 20] = core::array::from_fn(|_| record.alu(Class::VectorAlu, []));
-        record.line(7);
+        record.line(StreamLine::arena(Line(7)));
         record.reads(made);
         record.alu(Class::VectorAlu, made);
     };
     let first = record(task);
     assert_eq!(first, record(task));
-    assert_eq!((first.live_vectors_max, first.lines.as_slice()), (20, [7].as_slice()));
+    assert_eq!((first.live_vectors_max, first.lines), (20, arena_lines([7])));
 }
 
 #[test]
@@ -98,7 +102,7 @@ fn the_longest_run_fits_behind_the_last_branch_that_asks_for_no_more() {
         }
     });
     assert_eq!(stream.uops.len(), uops);
-    assert_eq!(stream.lines, (0..(RUN_UOPS_MAX * LANES) as u32).collect::<Vec<u32>>());
+    assert_eq!(stream.lines, arena_lines(0..(RUN_UOPS_MAX * LANES) as u32));
 }
 
 /// `uops` uops with a load at every thousandth, a branch after it, and each reading the one before.
@@ -108,7 +112,7 @@ fn chain(record: &mut Record<'_>, uops: u32) {
     while i < uops {
         record.reads([before]);
         if i % 1000 == 0 {
-            record.line(i);
+            record.line(StreamLine::arena(Line(i)));
             before = record.memory(Class::VectorLoad, [before], 1);
             record.alu(Class::Branch, [before]);
             i += 1;
@@ -125,7 +129,7 @@ fn a_task_of_ten_million_uops_is_recorded_whole() {
     let stream = record(|record| chain(record, UOPS));
     assert!(!stream.cut_short);
     assert_eq!(stream.uops.len(), UOPS as usize);
-    assert_eq!(stream.lines, (1000..UOPS).step_by(1000).collect::<Vec<u32>>());
+    assert_eq!(stream.lines, arena_lines((1000..UOPS).step_by(1000)));
     let near = |uop: &u32| matches!(uop >> 8 & 0xff, 1 | 2);
     assert!(stream.uops[1..].iter().all(near));
     assert_eq!(stream.live_vectors_max, 1);

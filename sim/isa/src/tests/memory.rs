@@ -2,11 +2,11 @@
 
 use super::one_op::{DATA_WORDS, OPS, OneOp, Op, PROLOGUE};
 use super::{Random, levels, observed};
-use crate::arena::{Addr, Arena, STACK_BASE_LINE};
+use crate::arena::{Addr, Arena, Line};
 use crate::emit::OpCounts;
 use crate::host::HostSimd;
 use crate::kernel::{AnyKernel, Kernel};
-use crate::stream::Stream;
+use crate::stream::{Place, Stream, StreamLine};
 use crate::uop::{Class, Uop};
 use crate::vpu::Vpu;
 
@@ -234,14 +234,18 @@ fn check_stream(stream: &Stream, expected: &[(Class, Vec<u32>)], data: Addr, at:
     let mut lines = stream.lines.iter();
     for (i, uop) in stream.uops.iter().enumerate() {
         let uop = Uop(*uop);
-        let own: Vec<u32> = lines.by_ref().take(uop.lines()).copied().collect();
+        let own: Vec<StreamLine> = lines.by_ref().take(uop.lines()).copied().collect();
         let Some((class, right)) = i.checked_sub(PROLOGUE).and_then(|i| expected.get(i)) else { continue };
         assert_eq!(uop.class(), *class, "class of {at}");
         if right == &[u32::MAX] {
-            assert!(own.len() == 1 && own[0] >= STACK_BASE_LINE, "stack line of {at}");
+            assert!(
+                matches!(own.as_slice(), [line] if matches!(line.place(), Place::Stack(_))),
+                "stack line of {at}"
+            );
             continue;
         }
-        let right: Vec<u32> = right.iter().map(|line| line + data.line().0).collect();
+        let right: Vec<StreamLine> =
+            right.iter().map(|line| StreamLine::arena(Line(line + data.line().0))).collect();
         assert_eq!(own, right, "lines of {at}");
     }
     assert_eq!(lines.next(), None, "lines left over of {at}");

@@ -13,10 +13,12 @@
 //!        L2 MSHRs ─► home directory (crate::coherence)
 //! ```
 //!
-//! Timing only: bytes live in the arena. The path itself is [`crate::coherence::Hierarchy::access`], since a miss touches
-//! other cores' caches; here are the arrays it walks.
+//! Timing only: bytes live in the arena. A request that leaves the core is answered by the uncore ([`crate::coherence`]).
 
+mod access;
+mod locks;
 mod mshr;
+mod ports;
 mod prefetcher;
 mod tags;
 mod tlb;
@@ -24,7 +26,10 @@ mod tlb;
 #[cfg(test)]
 mod tests;
 
+pub(crate) use access::{Access, AccessRules, Again, hit};
+pub(crate) use locks::Locks;
 pub(crate) use mshr::Mshrs;
+pub(crate) use ports::{Ports, WINDOW_MAX};
 pub(crate) use prefetcher::Prefetcher;
 pub(crate) use tags::{Slot, Tags};
 pub(crate) use tlb::Tlb;
@@ -32,6 +37,8 @@ pub(crate) use tlb::Tlb;
 use crate::Cycle;
 use crate::config::MachineSpec;
 use crate::counters::CacheCounters;
+use crate::exchange::{Claim, Request};
+use crate::occupancy::Slots;
 
 /// What an access wants of a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -45,55 +52,55 @@ pub(crate) enum Intent {
 }
 
 /// The caches of one core.
-#[derive(Debug)]
+#[derive(Debug, Clone, PartialEq)]
 pub(crate) struct CoreCaches {
     pub(crate) l1: Tags,
     pub(crate) l2: Tags,
     pub(crate) l1_mshrs: Mshrs,
     pub(crate) l2_mshrs: Mshrs,
     /// Follows nothing on a machine without one.
-    pub(crate) prefetcher: Prefetcher,
+    prefetcher: Prefetcher,
     /// Asked only on a machine that translates.
-    pub(crate) tlb: Tlb,
-    /// Lines that locked operations of this core last used, and when the last of them ends.
-    locks: [(u32, Cycle); 8],
+    tlb: Tlb,
+    pub(crate) locks: Locks,
+    pub(crate) ports: Ports,
+    /// When the lines of gathers and scatters are handed on.
+    pub(crate) gather_lines: Slots,
+    /// Requests on their way for lines that an earlier one was on its way for.
+    doubles: u32,
+    /// What other cores have claimed and is not due yet, in the order in which it was served, and when the first is due.
+    claims: Vec<Claim>,
+    next_claim: Cycle,
+    /// What leaves the core with the end of its window, or of the cycle.
+    pub(crate) outbox: Vec<Request>,
     pub(crate) l1_counters: CacheCounters,
     pub(crate) l2_counters: CacheCounters,
+    /// A defect to be seeded.
+    #[cfg(test)]
+    pub(crate) fault: Option<crate::coherence::Fault>,
 }
 
 impl CoreCaches {
-    /// Caches that hold nothing and take no memory: of a core that has not run yet.
-    pub(crate) fn absent() -> CoreCaches {
+    /// Empty caches.
+    pub(crate) fn new(spec: &MachineSpec) -> CoreCaches {
         CoreCaches {
-            l1: Tags::absent(),
-            l2: Tags::absent(),
-            l1_mshrs: Mshrs::new(0),
-            l2_mshrs: Mshrs::new(0),
-            prefetcher: Prefetcher::new(None),
-            tlb: Tlb::new(None),
-            locks: [(u32::MAX, 0); 8],
+            l1: Tags::new(spec.l1d.sets, spec.l1d.ways),
+            l2: Tags::new(spec.l2.sets, spec.l2.ways),
+            l1_mshrs: Mshrs::new(spec.l1d.mshrs),
+            l2_mshrs: Mshrs::new(spec.l2.mshrs),
+            prefetcher: Prefetcher::new(spec.prefetcher.as_ref()),
+            tlb: Tlb::new(spec.tlb.as_ref()),
+            locks: Locks::default(),
+            ports: Ports::new(spec.core.l1_accesses_per_cycle),
+            gather_lines: Slots::new(spec.core.gather_interval_x256),
+            doubles: 0,
+            claims: Vec::new(),
+            next_claim: Cycle::MAX,
+            outbox: Vec::new(),
             l1_counters: CacheCounters::default(),
             l2_counters: CacheCounters::default(),
+            #[cfg(test)]
+            fault: None,
         }
-    }
-
-    /// Makes the arrays of a core that is about to run for the first time.
-    pub(crate) fn power_up(&mut self, spec: &MachineSpec) {
-        if self.l1.is_absent() {
-            self.l1 = Tags::new(spec.l1d.sets, spec.l1d.ways);
-            self.l2 = Tags::new(spec.l2.sets, spec.l2.ways);
-            self.l1_mshrs = Mshrs::new(spec.l1d.mshrs);
-            self.l2_mshrs = Mshrs::new(spec.l2.mshrs);
-            self.prefetcher = Prefetcher::new(spec.prefetcher.as_ref());
-            self.tlb = Tlb::new(spec.tlb.as_ref());
-        }
-    }
-
-    /// Holds the owned `line` for a locked operation that may start at `now`; returns when it ends.
-    pub(crate) fn lock(&mut self, line: u32, now: Cycle, cycles: Cycle) -> Cycle {
-        let lock = &mut self.locks[line as usize % 8];
-        let start = if lock.0 == line { now.max(lock.1) } else { now };
-        *lock = (line, start + cycles);
-        start + cycles
     }
 }

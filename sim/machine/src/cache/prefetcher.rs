@@ -6,7 +6,7 @@
 use crate::config::PrefetcherSpec;
 
 /// One page that is followed.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Stream {
     page: u32,
     /// Line of the last access.
@@ -20,7 +20,7 @@ struct Stream {
 }
 
 /// The streamer of one core.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Prefetcher {
     spec: Option<PrefetcherSpec>,
     streams: Vec<Stream>,

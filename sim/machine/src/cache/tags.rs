@@ -6,13 +6,15 @@ pub(super) const GROUP: usize = 8;
 pub(super) const NO_LINE: u32 = u32::MAX;
 
 /// Up to eight ways of a set, in one line of the host's cache.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 #[repr(align(64))]
 struct Group {
     tags: [u32; GROUP],
     bits: [u8; GROUP],
     /// Ways that hold a line.
     held: u8,
+    /// Ways that a fill is on its way to: their lines are no victims.
+    reserved: u8,
     /// Ways of the whole set used since all others were; kept in the set's first group.
     recent: u16,
 }
@@ -61,11 +63,16 @@ pub(crate) struct Slot {
     way: u32,
 }
 
+impl Slot {
+    /// Some slot.
+    pub(crate) const FIRST: Slot = Slot { group: 0, way: 0 };
+}
+
 /// The array.
 ///
 /// Replacement is bit pseudo-LRU: a touched way is marked recent; when all are, the others are unmarked; the victim is the
 /// first way not marked. Knights Corner is pseudo-LRU too [SSDG], of a kind that is not published.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Tags {
     groups: Vec<Group>,
     sets: u32,
@@ -90,7 +97,7 @@ impl Tags {
 
     pub(crate) fn new(sets: u32, ways: u32) -> Tags {
         let groups_per_set = ways.div_ceil(GROUP as u32);
-        let empty = Group { tags: [NO_LINE; GROUP], bits: [0; GROUP], held: 0, recent: 0 };
+        let empty = Group { tags: [NO_LINE; GROUP], bits: [0; GROUP], held: 0, reserved: 0, recent: 0 };
         Tags {
             groups: vec![empty; (sets * groups_per_set) as usize],
             sets,
@@ -103,10 +110,6 @@ impl Tags {
 
     pub(crate) fn absent() -> Tags {
         Tags { groups: Vec::new(), sets: 0, ways: 0, all_ways: 0, groups_per_set: 0, mask: Some(0) }
-    }
-
-    pub(crate) fn is_absent(&self) -> bool {
-        self.groups.is_empty()
     }
 
     #[inline(always)]
@@ -183,23 +186,48 @@ impl Tags {
         self.groups[slot.group as usize].bits[slot.way as usize] = bits;
     }
 
-    /// Where `line`, which is not here, goes: the first empty way, or the first not marked.
+    /// Where `line`, which is not here, goes: the first empty way, or the first not marked; `None` when fills are on their way
+    /// to all ways of its set.
     #[inline(always)]
-    pub(crate) fn place_for(&self, line: u32) -> Slot {
+    pub(crate) fn place_for(&self, line: u32) -> Option<Slot> {
         let first = self.first_group(line);
         let mut held = u32::from(self.groups[first].held);
+        let mut reserved = u32::from(self.groups[first].reserved);
         if self.groups_per_set > 1 {
             held |= u32::from(self.groups[first + 1].held) << GROUP;
+            reserved |= u32::from(self.groups[first + 1].reserved) << GROUP;
         }
-        let way = if held != u32::from(self.all_ways) {
-            (!held).trailing_zeros()
-        } else if self.ways == 1 {
-            // The only line is always the victim.
-            0
+        let all = u32::from(self.all_ways);
+        let empty = !held & all;
+        let unmarked = !(u32::from(self.groups[first].recent) | reserved) & all;
+        let unreserved = !reserved & all;
+        let candidates = if empty != 0 {
+            empty
+        } else if unmarked != 0 {
+            unmarked
         } else {
-            (!self.groups[first].recent).trailing_zeros()
+            unreserved
         };
-        Slot { group: first as u32 + way / GROUP as u32, way: way % GROUP as u32 }
+        let way = candidates.trailing_zeros();
+        (candidates != 0).then(|| Slot { group: first as u32 + way / GROUP as u32, way: way % GROUP as u32 })
+    }
+
+    /// Keeps the line in `slot` from being a victim until [`Tags::release`].
+    #[inline(always)]
+    pub(crate) fn reserve(&mut self, slot: Slot) {
+        self.groups[slot.group as usize].reserved |= 1 << slot.way;
+    }
+
+    /// Lets the line in `slot` be a victim again.
+    #[inline(always)]
+    pub(crate) fn release(&mut self, slot: Slot) {
+        self.groups[slot.group as usize].reserved &= !(1 << slot.way);
+    }
+
+    /// Whether a fill is on its way to `slot`.
+    #[inline(always)]
+    pub(crate) fn is_reserved(&self, slot: Slot) -> bool {
+        self.groups[slot.group as usize].reserved >> slot.way & 1 == 1
     }
 
     /// The line at `slot`.

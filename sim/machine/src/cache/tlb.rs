@@ -8,16 +8,22 @@ use crate::config::{TlbLevelSpec, TlbSpec};
 const SECOND_LINES: u32 = (2 << 20) / 64;
 
 /// Both TLBs.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Tlb {
     page_lines: u32,
     /// The page of the last translation: most accesses go there again.
     last_page: u32,
     first: Level,
     second: Level,
+    /// Pages whose translation somebody waits for or has just waited for, and when it is done: that access goes on though
+    /// others have taken the place of the page, or two of them could throw one another out for ever.
+    awaited: Vec<(u32, Cycle)>,
 }
 
-#[derive(Debug, Clone)]
+/// For how long after its translation an access may come.
+const AWAITED_CYCLES: Cycle = 64;
+
+#[derive(Debug, Clone, PartialEq, Eq)]
 struct Level {
     entries: Tags,
     miss_cycles: Cycle,
@@ -42,7 +48,8 @@ impl Level {
         if self.hit(page) {
             return 0;
         }
-        self.entries.insert(self.entries.place_for(page), page, 0);
+        let place = self.entries.place_for(page).expect("nothing is reserved in a TLB");
+        self.entries.insert(place, page, 0);
         self.miss_cycles
     }
 }
@@ -52,12 +59,15 @@ impl Tlb {
     pub(crate) fn new(spec: Option<&TlbSpec>) -> Tlb {
         let none = || Level { entries: Tags::absent(), miss_cycles: 0 };
         match spec {
-            None => Tlb { page_lines: 1, last_page: u32::MAX, first: none(), second: none() },
+            None => {
+                Tlb { page_lines: 1, last_page: u32::MAX, first: none(), second: none(), awaited: Vec::new() }
+            }
             Some(spec) => Tlb {
                 page_lines: spec.page_lines,
                 last_page: u32::MAX,
                 first: Level::new(&spec.first),
                 second: Level::new(&spec.second),
+                awaited: Vec::new(),
             },
         }
     }
@@ -76,12 +86,25 @@ impl Tlb {
         hit
     }
 
-    /// Cycles that it takes to translate the address of `line`; from then on the first TLB has it.
-    pub(crate) fn translate(&mut self, line: u32) -> Cycle {
+    /// Cycles that it takes from `now` on to translate the address of `line`, of whose page the first TLB has none; from then on
+    /// it has it.
+    pub(crate) fn translate(&mut self, line: u32, now: Cycle) -> Cycle {
         let page = line / self.page_lines;
+        if let Some(place) = self.awaited.iter().position(|(awaited, _)| *awaited == page) {
+            let (_, done) = self.awaited[place];
+            if done > now {
+                return done - now;
+            }
+            self.awaited.remove(place);
+            if now <= done + AWAITED_CYCLES {
+                return 0;
+            }
+        }
         let mut cycles = self.first.look_up(page);
         if cycles > 0 {
             cycles += self.second.look_up(line / SECOND_LINES);
+            self.awaited.retain(|(_, done)| now <= *done + AWAITED_CYCLES);
+            self.awaited.push((page, now + cycles));
         }
         self.last_page = page;
         cycles
@@ -101,7 +124,7 @@ mod tests {
     fn a_miss_costs_its_cycles_once() {
         let mut tlb = tlb();
         assert!(!tlb.hit(5));
-        assert_eq!((tlb.translate(5), tlb.translate(63), tlb.translate(64)), (129, 0, 29));
+        assert_eq!((tlb.translate(5, 0), tlb.translate(63, 200), tlb.translate(64, 300)), (129, 0, 29));
         assert!(tlb.hit(0) && tlb.hit(127) && !tlb.hit(128));
     }
 
@@ -109,14 +132,24 @@ mod tests {
     fn four_pages_of_a_set_stay_and_eight_do_not() {
         for (pages, cost) in [(4, 0), (8, 29)] {
             let mut tlb = tlb();
-            let mut last = 0;
+            let (mut last, mut now) = (0, 0);
             for lap in 0..4 {
                 for page in 0..pages {
-                    last = tlb.translate(page * 16 * 64);
+                    now += 1000;
+                    last = tlb.translate(page * 16 * 64, now);
                     assert!(lap == 0 || last == cost, "{pages} pages, lap {lap}");
                 }
             }
             assert_eq!(last, cost);
         }
+    }
+
+    #[test]
+    fn an_access_goes_on_after_its_translation_though_its_page_is_gone() {
+        let level = |miss_cycles| TlbLevelSpec { sets: 1, ways: 1, miss_cycles };
+        let mut tlb = Tlb::new(Some(&TlbSpec { page_lines: 64, first: level(29), second: level(0) }));
+        assert_eq!((tlb.translate(0, 100), tlb.translate(64, 110)), (29, 29));
+        assert!(!tlb.hit(0));
+        assert_eq!((tlb.translate(0, 120), tlb.translate(0, 129), tlb.translate(0, 130)), (9, 0, 29));
     }
 }

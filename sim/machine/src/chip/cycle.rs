@@ -1,42 +1,58 @@
-//! The `cycle` level, the reference: all cores advance together, one cycle at a time.
+//! The `cycle` level, the reference: all cores and the uncore advance together, one cycle at a time.
 //!
-//! Every request leaves its core at the cycle that is being simulated, and all take the same time to find out that they miss,
-//! so shared resources are asked in global time order. Cycles in which no core can do anything are skipped: the event
-//! queue is the cores' wake-up times.
+//! Every request leaves its core in the cycle that is being simulated, every leg of its transaction is done in the cycle in
+//! which it is due, and its answer wakes the core in the cycle in which it arrives: each shared resource is asked in the
+//! order of time. Cycles in which nothing can happen are skipped.
 
-use super::{NO_PROGRESS_CYCLES_MAX, Step, stuck};
+use super::cores::AsPeers;
+use super::stuck::Watch;
+use super::{Parts, Stuck};
 use crate::Cycle;
-use crate::coherence::Hierarchy;
-use crate::core::{Core, CoreTables};
+use crate::exchange::Message;
 
-pub(super) fn run(
-    cores: &mut [Box<Core>],
-    tables: &CoreTables,
-    hierarchy: &mut Hierarchy,
-    step: &mut Step<'_>,
-    start: Cycle,
-) {
-    let count = cores.len();
-    let mut now = start;
-    let mut turn = 0;
-    while cores.iter().any(|core| core.running > 0) {
-        let mut wake = Cycle::MAX;
-        // Another core begins each cycle: requests of one cycle are served in that order.
-        turn = if turn + 1 >= count { 0 } else { turn + 1 };
-        for offset in 0..count {
-            let index = if turn + offset >= count { turn + offset - count } else { turn + offset };
-            let core = &mut cores[index];
-            if core.wake <= now {
-                while let Some(thread) = core.ended(now) {
-                    step.feed(core, thread, hierarchy);
-                }
-                core.step(tables, hierarchy, now);
-            }
-            wake = wake.min(core.wake);
+/// Runs a step that begins at `start`, whose threads have asked for their first tasks.
+pub(super) fn run(parts: &mut Parts<'_, '_>, start: Cycle) -> Result<(), Stuck> {
+    let mut watch = Watch::default();
+    // No cycle is simulated twice.
+    let mut next = start;
+    loop {
+        // What the cores have asked for so far leaves them, in the order of time, core and number.
+        leave(parts, next);
+        let (running, wake) = parts.cores.outlook();
+        if running == 0 {
+            return Ok(());
         }
-        if wake.saturating_sub(now) > NO_PROGRESS_CYCLES_MAX && cores.iter().any(|core| core.running > 0) {
-            stuck(cores, hierarchy, now);
-        }
-        now = wake;
+        let soonest = wake.min(parts.uncore.next_due());
+        watch.look(parts, next, soonest)?;
+        let now = soonest.max(next);
+        next = now + 1;
+
+        let Parts { cores, tables, uncore, .. } = parts;
+        uncore.run_until(now, &mut AsPeers { cores, tables });
+        cores.each_active(|core| core.run_cycle(tables, now));
     }
+}
+
+/// Hands the requests and pulls of all cores to the uncore, which answers for the cycle `next` at the earliest.
+fn leave(parts: &mut Parts<'_, '_>, next: Cycle) {
+    for index in 0..parts.cores.active() {
+        let core = parts.cores.core(index);
+        for request in core.shared.caches.outbox.drain(..) {
+            parts.uncore.accept(index as u32, &request);
+        }
+        parts.step.take_back(&mut core.shared.spent);
+    }
+    // Threads that ask in one cycle: the first of every core, then the second.
+    let mut pulls = std::mem::take(&mut parts.pulls);
+    parts.cores.each_active(|core| {
+        pulls.extend(core.shared.pulls.drain(..).map(|pull| (pull.time, pull.thread, core.index)));
+    });
+    pulls.sort_unstable();
+    for (_, thread, core) in pulls.drain(..) {
+        let streams = parts.step.next_chunk(parts.hands);
+        let core = parts.cores.core(core);
+        core.tell(Message::Tasks { thread, streams, from: next });
+        core.read_inbox(parts.tables, next);
+    }
+    parts.pulls = pulls;
 }

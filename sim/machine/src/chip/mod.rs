@@ -1,40 +1,60 @@
-//! The chip: wires cores, caches, rings and memory together and runs steps on them.
+//! The chip: wires cores and the uncore together and runs steps on them.
+//!
+//! ```text
+//! core 0: threads, L1, L2 ─┐ requests      ┌─ directory slices
+//! core 1: threads, L1, L2 ─┼─────────────► │  rings
+//!   …                      │ ◄──────────── │  memory controllers
+//! core n: threads, L1, L2 ─┘ messages      └─ task counter
+//! ```
 
+mod cores;
 mod cycle;
+mod hands;
+mod laws;
 mod step;
+mod stuck;
 mod windowed;
 
 #[cfg(test)]
+mod causes_tests;
+#[cfg(test)]
+mod laws_tests;
+#[cfg(test)]
 mod tests;
 
+pub use stuck::Stuck;
+
 use crate::Cycle;
-use crate::coherence::Hierarchy;
+use crate::coherence::Uncore;
 use crate::config::MachineSpec;
-use crate::core::{Core, CoreTables, Thread};
+use crate::core::{Core, CoreTables};
 use crate::counters::{Cause, CycleStack, StepReport};
 use crate::fidelity::Fidelity;
-use crate::scheduler::{TaskCounter, barrier_cycles};
+use crate::scheduler::barrier_cycles;
+use cores::{AsPeers, Cores};
+use hands::{Alone, Captain, Crew, Hands};
+use laws::Carried;
 use lrbsim_isa::program::TaskSource;
 use lrbsim_isa::stream::Stream;
 use step::Step;
-
-/// Cycles without anything happening after which a run is given up as stuck.
-const NO_PROGRESS_CYCLES_MAX: Cycle = 10_000_000;
 
 /// A simulated chip. Its caches stay warm from step to step.
 ///
 /// Storage and host time follow the cores that have run and the lines that were touched.
 pub struct Chip {
+    spec: MachineSpec,
     fidelity: Fidelity,
+    host_threads: usize,
     tables: CoreTables,
-    hierarchy: Hierarchy,
-    /// By index; `None` until a core's first task.
-    cores: Vec<Option<Box<Core>>>,
+    uncore: Uncore,
+    cores: Cores,
     activity: Vec<CoreActivity>,
     /// Buffers of streams, to be used again.
     spare: Vec<Stream>,
     barrier_cycles: Cycle,
     now: Cycle,
+    /// Work that was asked for in earlier steps and is done in later ones.
+    carried: Carried,
 }
 
 /// What one core did in the last step.
@@ -48,20 +68,36 @@ pub struct CoreActivity {
     pub arrival_cycles: u64,
 }
 
+/// What a level of modeling works on.
+struct Parts<'a, 's> {
+    cores: &'a mut Cores,
+    tables: &'a CoreTables,
+    uncore: &'a mut Uncore,
+    step: &'a mut Step<'s>,
+    hands: &'a mut dyn Hands,
+    /// Room for the requests of a window: time, core and number.
+    order: Vec<u64>,
+    /// Room for threads that ask for tasks: time, thread and core.
+    pulls: Vec<(Cycle, u8, usize)>,
+}
+
 impl Chip {
-    /// A cold chip.
-    pub fn new(spec: &MachineSpec, fidelity: Fidelity) -> Chip {
-        let exact = fidelity == Fidelity::Cycle;
-        let hierarchy = Hierarchy::new(spec, exact);
+    /// A cold chip, whose cores at most `host_threads` host threads run. How many these are changes no result.
+    pub fn new(spec: &MachineSpec, fidelity: Fidelity, host_threads: usize) -> Chip {
+        let uncore = Uncore::new(spec, fidelity == Fidelity::Cycle);
+        let host_threads = host_threads.clamp(1, spec.cores as usize);
         Chip {
             fidelity,
+            host_threads,
             tables: CoreTables::new(spec),
-            barrier_cycles: barrier_cycles(spec, &hierarchy.rings),
-            hierarchy,
-            cores: (0..spec.cores).map(|_| None).collect(),
+            barrier_cycles: barrier_cycles(spec, &uncore.rings),
+            uncore,
+            cores: Cores::new(spec.cores as usize, host_threads),
             activity: vec![CoreActivity::default(); spec.cores as usize],
             spare: Vec::new(),
             now: 0,
+            carried: Carried::default(),
+            spec: spec.clone(),
         }
     }
 
@@ -69,86 +105,129 @@ impl Chip {
     ///
     /// Under [`Fidelity::Functional`] tasks are recorded and counted, and no time passes.
     ///
+    /// # Errors
+    /// When nothing moves any more: a defect of the simulator, after which the chip is of no use.
+    ///
     /// # Panics
-    /// When nothing moves for ten million cycles, or the cycle stack does not add up: defects of the simulator.
-    pub fn run_step(&mut self, tasks: &mut dyn TaskSource) -> StepReport {
-        let mut step = Step::new(tasks, std::mem::take(&mut self.spare));
+    /// When a law is broken, such as a resource that beats its peak, or a cycle stack that does not add up: defects of the
+    /// simulator too.
+    pub fn run_step(&mut self, tasks: &dyn TaskSource) -> Result<StepReport, Stuck> {
+        let total_tasks = tasks.tasks();
+        let threads = total_tasks.min(self.spec.cores * self.spec.threads_per_core);
+        let mut step = Step::new(tasks, threads, &self.spec, std::mem::take(&mut self.spare));
         if self.fidelity == Fidelity::Functional {
             step.record_all();
             self.spare = step.spare;
-            return step.report;
+            let mut report = StepReport { steps: 1, ..step.tally.0 };
+            report.issued = report.class_counts.iter().sum();
+            return Ok(report);
         }
 
-        // Wake the threads.
+        // What earlier steps left on its way arrives first.
         let start = self.now;
-        let total_tasks = step.tasks();
-        let spec = &self.hierarchy.spec;
-        let threads = total_tasks.min(spec.cores * spec.threads_per_core);
-        step.counter = TaskCounter::new(total_tasks, threads, spec);
-        let mut active = Vec::new();
-        for index in 0..threads.min(self.hierarchy.spec.cores) as usize {
-            let mut core = self.cores[index].take().unwrap_or_else(|| Box::new(Core::new(index)));
-            self.wake_core(&mut core, threads, start);
-            active.push(core);
+        self.cores.set_active(0);
+        let (cores, tables) = (&mut self.cores, &self.tables);
+        self.uncore.run_until(start, &mut AsPeers { cores, tables });
+
+        // Thread k of the step runs on core k mod cores.
+        let active = threads.min(self.spec.cores);
+        self.cores.set_active(active as usize);
+        for index in 0..active {
+            let core = self.cores.slot(index as usize);
+            let core = core.get_or_insert_with(|| Box::new(Core::new(index as usize, &self.spec)));
+            let count = (threads - index).div_ceil(self.spec.cores);
+            core.start_step(count as usize, self.spec.threads_per_core, start);
         }
 
-        // All threads ask for their first task at once: the first of every core, then the second.
-        for thread in 0..self.hierarchy.spec.threads_per_core as usize {
-            for core in active.iter_mut().filter(|core| core.takes_part(thread)) {
-                step.feed(core, thread, &mut self.hierarchy);
-                core.update_wake();
+        let host_threads = self.host_threads.min(active as usize);
+        if host_threads > 1 {
+            let crew = Crew::new(&self.tables, tasks, active as usize, self.host_threads);
+            std::thread::scope(|scope| {
+                let mut captain = Captain(&crew);
+                for number in 1..self.host_threads {
+                    let crew = &crew;
+                    scope.spawn(move || crew.work(number));
+                }
+                Self::run_level(
+                    self.fidelity,
+                    (&mut self.cores, &self.tables, &mut self.uncore),
+                    &mut step,
+                    &mut captain,
+                    start,
+                )
+            })?;
+        } else {
+            Self::run_level(
+                self.fidelity,
+                (&mut self.cores, &self.tables, &mut self.uncore),
+                &mut step,
+                &mut Alone,
+                start,
+            )?;
+        }
+        self.spare = step.spare;
+        Ok(self.end_step(start, step.tally.0))
+    }
+
+    /// Runs the tasks of a step at a level of modeling.
+    fn run_level(
+        fidelity: Fidelity,
+        (cores, tables, uncore): (&mut Cores, &CoreTables, &mut Uncore),
+        step: &mut Step<'_>,
+        hands: &mut dyn Hands,
+        start: Cycle,
+    ) -> Result<(), Stuck> {
+        // All threads ask for their first task at once.
+        cores.each_active(|core| {
+            for thread in 0..core.running as usize {
+                core.ask_first(tables, thread, start);
             }
+        });
+        let mut parts = Parts { cores, tables, uncore, step, hands, order: Vec::new(), pulls: Vec::new() };
+        match fidelity {
+            Fidelity::Functional => Ok(()),
+            Fidelity::Windowed => windowed::run(&mut parts, start),
+            Fidelity::Cycle => cycle::run(&mut parts, start),
         }
+    }
 
-        // Run.
-        match self.fidelity {
-            Fidelity::Functional => {}
-            Fidelity::Windowed => {
-                windowed::run(&mut active, &self.tables, &mut self.hierarchy, &mut step, start)
-            }
-            Fidelity::Cycle => cycle::run(&mut active, &self.tables, &mut self.hierarchy, &mut step, start),
-        }
-
-        // The barrier, for all cores of the chip.
-        let end = if threads == 0 { start } else { step.last_arrival } + self.barrier_cycles;
-        self.now = end;
+    /// The barrier, for all cores of the chip, and the report of a step that began at `start`.
+    fn end_step(&mut self, start: Cycle, tally: StepReport) -> StepReport {
+        let mut report = StepReport { steps: 1, ..tally };
+        let mut last_arrival = start;
+        self.cores.each_active(|core| last_arrival = last_arrival.max(core.arrival));
+        let end = last_arrival + self.barrier_cycles;
         let cycles = end - start;
+        self.now = end;
         self.activity.fill(CoreActivity::default());
         let mut stack = [0_u64; Cause::COUNT];
-        let idle_cores = self.cores.len() as u64 - active.len() as u64;
-        stack[Cause::Barrier as usize] = idle_cores * cycles;
-        for mut core in active {
+        let idle_cores = self.cores.len() - self.cores.active();
+        stack[Cause::Barrier as usize] = idle_cores as u64 * cycles;
+        let activity = &mut self.activity;
+        self.cores.each_active(|core| {
             core.stack.fill(core.arrival, Cause::Queue);
             core.stack.fill(end, Cause::Barrier);
             for (sum, cycles) in stack.iter_mut().zip(core.stack.cycles()) {
                 *sum += cycles;
             }
             let busy_cycles = core.stack.cycles()[Cause::Issue as usize];
-            self.activity[core.index] =
-                CoreActivity { issued: core.issued, busy_cycles, arrival_cycles: core.arrival - start };
-            step.report.issued += core.issued;
+            activity[core.index] = CoreActivity {
+                issued: core.shared.issued,
+                busy_cycles,
+                arrival_cycles: core.arrival - start,
+            };
+            report.issued += core.shared.issued;
             // Two uops in a cycle are a pair.
-            step.report.paired += core.issued - busy_cycles;
-            let index = core.index;
-            self.cores[index] = Some(core);
-        }
-
-        let mut report = step.report;
+            report.paired += core.shared.issued - busy_cycles;
+        });
         report.cycles = cycles;
         report.cycle_stack = CycleStack::from_array(stack);
-        self.spare = step.spare;
+        // What is due by the end of the barrier belongs to this step; the cores have no more to do in it.
+        self.cores.set_active(0);
+        let (cores, tables) = (&mut self.cores, &self.tables);
+        self.uncore.run_until(end, &mut AsPeers { cores, tables });
         self.collect(&mut report);
-        assert_eq!(
-            report.cycle_stack.total(),
-            self.cores.len() as u64 * cycles,
-            "Chip, cycle {end}: the causes of the cycle stack do not add up to cores x cycles: {:?}",
-            report.cycle_stack
-        );
-        assert_eq!(
-            report.issued,
-            report.class_counts.iter().sum::<u64>(),
-            "Chip, cycle {end}: uops issued and uops recorded differ"
-        );
+        self.carried = laws::check(&report, &self.spec, &self.uncore, end, self.carried);
         report
     }
 
@@ -162,55 +241,19 @@ impl Chip {
         &self.activity
     }
 
-    /// Readies a core for a step in which `threads` threads of the chip take part.
-    fn wake_core(&mut self, core: &mut Core, threads: u32, start: Cycle) {
-        let spec = &self.hierarchy.spec;
-        self.hierarchy.caches[core.index].power_up(spec);
-        // Thread k of the step runs on core k mod cores.
-        let first = core.index as u32;
-        let count = (threads - first).div_ceil(spec.cores) as usize;
-        while core.threads.len() < count {
-            let number = first * spec.threads_per_core + core.threads.len() as u32;
-            core.threads.push(Thread::new(number));
-        }
-        core.start_step(count, start);
-    }
-
     /// Moves the counters of the step from the components to the report.
     fn collect(&mut self, report: &mut StepReport) {
-        for caches in &mut self.hierarchy.caches {
-            report.l1d += std::mem::take(&mut caches.l1_counters);
-            report.l2 += std::mem::take(&mut caches.l2_counters);
-        }
+        self.cores.each(|core| {
+            report.l1d += std::mem::take(&mut core.shared.caches.l1_counters);
+            report.l2 += std::mem::take(&mut core.shared.caches.l2_counters);
+            report.atomics += std::mem::take(&mut core.shared.atomics);
+        });
         for counters in [&mut report.l1d, &mut report.l2] {
             counters.accesses = counters.hits + counters.misses + counters.merged;
         }
-        report.ring = self.hierarchy.rings.take_counters();
-        report.directory = std::mem::take(&mut self.hierarchy.counters);
-        report.memory = std::mem::take(&mut self.hierarchy.memory.counters);
-        report.atomics = std::mem::take(&mut self.hierarchy.atomics);
+        report.ring = self.uncore.rings.take_counters();
+        report.directory = std::mem::take(&mut self.uncore.counters);
+        report.memory = std::mem::take(&mut self.uncore.memory.counters);
         report.atomics.barriers = 1;
     }
-}
-
-/// Stops a run in which nothing moves, and says what everybody waits for.
-#[cold]
-fn stuck(cores: &[Box<Core>], hierarchy: &Hierarchy, now: Cycle) -> ! {
-    use std::fmt::Write;
-    let mut text = String::new();
-    for core in cores {
-        for (thread_index, thread) in core.threads.iter().enumerate() {
-            let (at, of) = thread.progress();
-            let (state, next) = (thread.state, thread.next.at());
-            let _ = writeln!(
-                text,
-                "Chip.Core[{}].Thread[{thread_index}]: {state:?}, uop {at} of {of}, next {next}",
-                core.index
-            );
-        }
-        let caches = &hierarchy.caches[core.index];
-        let _ = writeln!(text, "Chip.Core[{}].L1d.Mshrs: {:?}", core.index, caches.l1_mshrs.occupied(now));
-        let _ = writeln!(text, "Chip.Core[{}].L2.Mshrs: {:?}", core.index, caches.l2_mshrs.occupied(now));
-    }
-    panic!("Chip, cycle {now}: nothing has moved for {NO_PROGRESS_CYCLES_MAX} cycles\n{text}");
 }

@@ -1,38 +1,25 @@
-//! A step under way: the tasks that are left, and what has been counted.
+//! A step under way: the tasks that are left, and what has been counted of those recorded.
 
-use crate::Cycle;
-use crate::coherence::Hierarchy;
-use crate::core::{Core, State};
-use crate::counters::{Cause, StepReport};
-use crate::scheduler::{TaskCounter, pull};
-use crate::when::When;
+use super::hands::Hands;
+use crate::config::MachineSpec;
+use crate::counters::StepReport;
+use crate::scheduler::TaskCounter;
 use lrbsim_isa::program::TaskSource;
 use lrbsim_isa::stream::Stream;
+use std::collections::VecDeque;
 
-pub(super) struct Step<'a> {
-    source: &'a mut dyn TaskSource,
-    pub(super) counter: TaskCounter,
-    pub(super) spare: Vec<Stream>,
-    pub(super) report: StepReport,
-    /// When the last thread so far came to the barrier.
-    pub(super) last_arrival: Cycle,
-}
+/// Tasks that are recorded at once, where several host threads do it: a stream has up to about 64 K uops, a few hundred KiB.
+const RECORDED_AT_ONCE: u32 = 64;
 
-impl<'a> Step<'a> {
-    pub(super) fn new(source: &'a mut dyn TaskSource, spare: Vec<Stream>) -> Step<'a> {
-        let report = StepReport { steps: 1, ..StepReport::default() };
-        Step { source, counter: TaskCounter::empty(), spare, report, last_arrival: 0 }
-    }
+/// What recorded tasks did.
+#[derive(Debug, Default)]
+pub(super) struct Tally(pub(super) StepReport);
 
-    pub(super) fn tasks(&self) -> u32 {
-        self.source.tasks()
-    }
-
-    /// Records one task and counts what it did.
-    fn record(&mut self, task: u32) -> Stream {
-        let mut stream = self.spare.pop().unwrap_or_default();
-        self.source.record(task, &mut stream);
-        let report = &mut self.report;
+impl Tally {
+    /// Records `task` of `source` in `stream` and counts what it did.
+    pub(super) fn record(&mut self, source: &dyn TaskSource, task: u32, stream: &mut Stream) {
+        source.record(task, stream);
+        let report = &mut self.0;
         report.tasks += 1;
         for (sum, count) in report.class_counts.iter_mut().zip(stream.count_classes()) {
             *sum += count;
@@ -40,44 +27,69 @@ impl<'a> Step<'a> {
         report.lanes_active += stream.lanes_active;
         report.lanes_masked += stream.lanes_masked;
         report.live_vectors_max = report.live_vectors_max.max(u64::from(stream.live_vectors_max));
-        stream
+    }
+}
+
+pub(super) struct Step<'a> {
+    source: &'a dyn TaskSource,
+    counter: TaskCounter,
+    /// Streams of the tasks that come next, recorded ahead.
+    recorded: VecDeque<Stream>,
+    pub(super) spare: Vec<Stream>,
+    pub(super) tally: Tally,
+}
+
+impl<'a> Step<'a> {
+    /// A step whose tasks `threads` hardware threads will ask for.
+    pub(super) fn new(
+        source: &'a dyn TaskSource,
+        threads: u32,
+        spec: &MachineSpec,
+        spare: Vec<Stream>,
+    ) -> Step<'a> {
+        let counter = TaskCounter::new(source.tasks(), threads, spec);
+        Step { source, counter, recorded: VecDeque::new(), spare, tally: Tally::default() }
     }
 
     /// Records all tasks and times none.
     pub(super) fn record_all(&mut self) {
-        for task in 0..self.tasks() {
-            let stream = self.record(task);
-            self.spare.push(stream);
+        let mut stream = self.spare.pop().unwrap_or_default();
+        for task in 0..self.source.tasks() {
+            self.tally.record(self.source, task, &mut stream);
         }
-        self.report.issued = self.report.class_counts.iter().sum();
+        self.spare.push(stream);
     }
 
-    /// Gives a thread that came to the end of its stream the next one, from its chunk or from the task counter; or sends it
-    /// to the barrier.
-    pub(super) fn feed(&mut self, core: &mut Core, thread: usize, hierarchy: &mut Hierarchy) {
-        let context = &mut core.threads[thread];
-        assert_eq!(context.state, State::Ended, "Chip.Core[{}].Thread[{thread}]", core.index);
-        let mut when = context.next;
-        if context.queue.is_empty() {
-            let ready = pull(hierarchy, core.index, when.at());
-            when = When::new(ready, Cause::Queue);
-            for task in self.counter.take() {
-                let stream = self.record(task);
-                context.queue.push_back(stream);
+    /// Takes the buffers of streams that have been run.
+    #[inline(always)]
+    pub(super) fn take_back(&mut self, spent: &mut Vec<Stream>) {
+        if !spent.is_empty() {
+            self.spare.append(spent);
+        }
+    }
+
+    /// The streams of the next chunk of tasks; none when the counter is at its end.
+    pub(super) fn next_chunk(&mut self, hands: &mut dyn Hands) -> Vec<Stream> {
+        let chunk = self.counter.take();
+        let missing = chunk.len().saturating_sub(self.recorded.len()) as u32;
+        if missing > 0 {
+            let first = chunk.end - missing;
+            // Tasks that depend on one another are recorded one by one, by whoever asks.
+            let many = (first + missing.max(RECORDED_AT_ONCE)).min(self.source.tasks());
+            if self.source.is_ordered() || !hands.record(self, first..many) {
+                for task in first..chunk.end {
+                    let mut stream = self.spare.pop().unwrap_or_default();
+                    self.tally.record(self.source, task, &mut stream);
+                    self.recorded.push_back(stream);
+                }
             }
         }
-        match context.queue.pop_front() {
-            Some(stream) => {
-                let used = context.begin(stream, when);
-                self.spare.push(used);
-            }
-            None => {
-                context.state = State::Done;
-                context.next = When::NEVER;
-                core.running -= 1;
-                core.arrival = core.arrival.max(when.at());
-                self.last_arrival = self.last_arrival.max(when.at());
-            }
-        }
+        self.recorded.drain(..chunk.len()).collect()
+    }
+
+    /// Takes in streams of the tasks behind those recorded so far, in order.
+    pub(super) fn add_recorded(&mut self, streams: impl Iterator<Item = Stream>, tally: Tally) {
+        self.recorded.extend(streams);
+        self.tally.0 += tally.0;
     }
 }

@@ -1,7 +1,7 @@
 //! Whole steps: the two levels against each other, and what must hold of every run.
 
 use super::*;
-use crate::cache::Intent;
+use crate::cache::{AccessRules, Intent};
 use crate::config::{MachineConfig, builtin_machine};
 use crate::ring::Message;
 use crate::streams::{Builder, Mix, Random, Tasks, same};
@@ -14,11 +14,11 @@ pub(super) fn config(name: &str) -> MachineConfig {
 /// Two steps of a mix on a fresh chip: the sum of their reports.
 fn run(config: &MachineConfig, fidelity: Fidelity, mix: Mix) -> StepReport {
     let spec = config.validate().expect("sound");
-    let mut chip = Chip::new(&spec, fidelity);
+    let mut chip = Chip::new(&spec, fidelity, 1);
     let mut sum = StepReport::default();
     for _ in 0..2 {
-        let mut tasks = Tasks { count: 500, make: |task| mix.stream(task, 2000) };
-        sum += chip.run_step(&mut tasks);
+        let tasks = Tasks { count: 300, make: |task| mix.stream(task, 2000) };
+        sum += chip.run_step(&tasks).expect("moves");
     }
     assert_eq!(sum.cycles, chip.now());
     sum
@@ -29,11 +29,14 @@ fn percent(a: u64, b: u64) -> f64 {
 }
 
 /// Known gap: in `cycle`, round robin keeps the threads of a core in step, so that all wait for locked operations at one
-/// time; `windowed` lets one thread run ahead inside a window, which spreads them. `windowed` is 6 to 7 % too fast there.
-const ATOMICS_GAP_PERCENT: f64 = 8.0;
+/// time; `windowed` lets one thread run ahead inside a window, which spreads them. `windowed` is 8 % too fast there.
+const ATOMICS_GAP_PERCENT: f64 = 9.0;
+
+/// Known gap: `windowed` times each transaction whole, so that controllers see write-backs out of the order of time.
+const GATHER_GAP_PERCENT: f64 = 3.0;
 
 #[test]
-fn windowed_is_within_3_percent_of_cycle() {
+fn windowed_is_within_2_percent_of_cycle() {
     for mix in Mix::ALL {
         let config = config("larrabee-24");
         let windowed = run(&config, Fidelity::Windowed, mix);
@@ -41,7 +44,11 @@ fn windowed_is_within_3_percent_of_cycle() {
         let error = percent(windowed.cycles, cycle.cycles);
         println!("{mix:?}: windowed {} cycle {} ({error:+.2} %)", windowed.cycles, cycle.cycles);
         assert_eq!(windowed.class_counts, cycle.class_counts);
-        let tolerance = if mix == Mix::Atomics { ATOMICS_GAP_PERCENT } else { 3.0 };
+        let tolerance = match mix {
+            Mix::Atomics => ATOMICS_GAP_PERCENT,
+            Mix::RandomGather => GATHER_GAP_PERCENT,
+            _ => 2.0,
+        };
         assert!(error.abs() <= tolerance, "{mix:?}: {error:+.2} %");
     }
 }
@@ -56,8 +63,8 @@ fn the_same_run_gives_the_same_report() {
     }
 }
 
-const MACHINES: [&str; 2] = ["larrabee-24", "knc-5110p"];
-const LEVELS: [Fidelity; 2] = [Fidelity::Windowed, Fidelity::Cycle];
+pub(super) const MACHINES: [&str; 2] = ["larrabee-24", "knc-5110p"];
+pub(super) const LEVELS: [Fidelity; 2] = [Fidelity::Windowed, Fidelity::Cycle];
 
 /// Cycles of a step of `tasks` equal tasks on a chip without queue and barrier, at both levels, which must agree.
 fn cycles(edit: impl Fn(&mut MachineConfig), warm: &[Stream], tasks: u32, stream: &Stream) -> Cycle {
@@ -65,19 +72,19 @@ fn cycles(edit: impl Fn(&mut MachineConfig), warm: &[Stream], tasks: u32, stream
         let mut config = config("larrabee-24");
         (config.ideal.queue, config.ideal.barrier) = (true, true);
         edit(&mut config);
-        let mut chip = Chip::new(&config.validate().expect("sound"), fidelity);
+        let mut chip = Chip::new(&config.validate().expect("sound"), fidelity, 1);
         for stream in warm {
-            chip.run_step(&mut same(1, stream.clone()));
+            chip.run_step(&same(1, stream.clone())).expect("moves");
             // Everything that the warming left in flight arrives.
             chip.now += 10_000;
         }
-        chip.run_step(&mut same(tasks, stream.clone())).cycles
+        chip.run_step(&same(tasks, stream.clone())).expect("moves").cycles
     });
     assert_eq!(windowed, cycle);
     cycle
 }
 
-fn one_core(config: &mut MachineConfig) {
+pub(super) fn one_core(config: &mut MachineConfig) {
     config.cores = 1;
     config.memory.controllers = 1;
 }
@@ -148,6 +155,22 @@ fn a_gather_takes_a_cycle_a_line() {
     }
 }
 
+/// Has `core` write `line` at time 0, on a chip that has not run, long before the first step.
+pub(super) fn own(chip: &mut Chip, core: usize, line: u32) {
+    let Chip { cores, tables, uncore, spec, .. } = chip;
+    let owner = cores.slot(core).get_or_insert_with(|| Box::new(Core::new(core, spec)));
+    let caches = &mut owner.shared.caches;
+    let rules = AccessRules::new(spec);
+    // It may have to be translated first.
+    let again = caches.access(&rules, line, Intent::Write, 0).err();
+    if let Some(again) = again {
+        caches.access(&rules, line, Intent::Write, again.at).expect("free MSHRs");
+    }
+    for request in std::mem::take(&mut caches.outbox) {
+        uncore.serve(core as u32, &request, 0, &mut AsPeers { cores, tables });
+    }
+}
+
 #[test]
 fn a_miss_takes_the_sum_of_its_parts_and_not_a_cycle_off() {
     for (fidelity, name) in LEVELS.into_iter().flat_map(|level| MACHINES.map(|name| (level, name))) {
@@ -156,17 +179,15 @@ fn a_miss_takes_the_sum_of_its_parts_and_not_a_cycle_off() {
                 let mut config = config(name);
                 (config.ideal.queue, config.ideal.barrier) = (true, true);
                 let spec = config.validate().expect("sound");
-                let mut chip = Chip::new(&spec, fidelity);
+                let mut chip = Chip::new(&spec, fidelity, 1);
                 chip.now = 100_000;
-                let home = chip.hierarchy.home_of(line);
-                let ride =
-                    |chip: &Chip, from, to, message| chip.hierarchy.rings.idle_cycles(from, to, message);
+                let home = chip.uncore.home_of(line);
+                let ride = |chip: &Chip, from, to, message| chip.uncore.rings.idle_cycles(from, to, message);
                 let (supplier, served) = if from_peer {
-                    chip.hierarchy.caches[17].power_up(&spec);
-                    chip.hierarchy.access(17, line, Intent::Write, 0).expect("free MSHRs");
+                    own(&mut chip, 17, line);
                     (17, spec.l1d.hit_cycles + spec.l2.hit_cycles)
                 } else {
-                    (chip.hierarchy.controller_stop(line), spec.memory.row_miss_cycles)
+                    (chip.uncore.controller_stop(line), spec.memory.row_miss_cycles)
                 };
                 // The first access to the page misses both TLBs, where there are any.
                 let translation =
@@ -178,7 +199,7 @@ fn a_miss_takes_the_sum_of_its_parts_and_not_a_cycle_off() {
                     + ride(&chip, home, supplier, Message::Address)
                     + served
                     + ride(&chip, supplier, 0, Message::Line);
-                let report = chip.run_step(&mut same(1, probe(line)));
+                let report = chip.run_step(&same(1, probe(line))).expect("moves");
                 assert_eq!(
                     report.cycles,
                     expected + spec.core.issue_interval,
@@ -194,15 +215,16 @@ fn a_miss_takes_the_sum_of_its_parts_and_not_a_cycle_off() {
 fn task_counter_and_barrier_cost_what_they_are_made_of() {
     for fidelity in LEVELS {
         let spec = config("larrabee-24").validate().expect("sound");
-        let mut chip = Chip::new(&spec, fidelity);
-        let barrier = barrier_cycles(&spec, &chip.hierarchy.rings);
+        let mut chip = Chip::new(&spec, fidelity, 1);
+        let barrier = barrier_cycles(&spec, &chip.uncore.rings);
         let one = Builder::default().alu(Class::ScalarAlu, [0; 3]).build();
-        chip.run_step(&mut same(1, one.clone()));
+        chip.run_step(&same(1, one.clone())).expect("moves");
         // The counter's line is owned by now: two locked adds on it, one for the task, one that finds no more.
-        let report = chip.run_step(&mut same(1, one));
+        let report = chip.run_step(&same(1, one)).expect("moves");
         assert_eq!(report.cycles, 2 * (5 + 10) + 1 + barrier);
         println!("{fidelity}: barrier {barrier}");
-        assert_eq!(chip.run_step(&mut same(0, Stream::default())).cycles, barrier);
+        let nothing = chip.run_step(&same(0, Stream::default())).expect("moves");
+        assert_eq!(nothing.cycles, barrier);
     }
 }
 
@@ -256,8 +278,8 @@ fn on_random_machines_better_parts_never_hurt() {
         let base = random_machine(MACHINES[round % 2], &mut random);
         let mix = [Mix::Streaming, Mix::RandomGather, Mix::Kernel][round / 2];
         let cycles = |config: &MachineConfig| {
-            let mut chip = Chip::new(&config.validate().expect("sound"), Fidelity::Windowed);
-            chip.run_step(&mut Tasks { count: 120, make: |task| mix.stream(task, 1000) }).cycles
+            let mut chip = Chip::new(&config.validate().expect("sound"), Fidelity::Windowed, 1);
+            chip.run_step(&Tasks { count: 120, make: |task| mix.stream(task, 1000) }).expect("moves").cycles
         };
         let before = cycles(&base);
         for (what, edit) in better {
@@ -298,12 +320,36 @@ fn a_page_that_was_not_translated_costs_its_misses_once() {
 }
 
 #[test]
+fn values_between_lanes_and_scalars_cost_what_spills_cost_and_are_nobody_elses() {
+    let carried = |store, load| {
+        let task = Builder::default()
+            .repeat(100, |b, i| b.on_stack(store, 0, i as u32 % 8).on_stack(load, 1, i as u32 % 8))
+            .build();
+        LEVELS.map(|fidelity| {
+            let mut config = config("larrabee-24");
+            // The line of the task counter goes round.
+            config.ideal.queue = true;
+            let mut chip = Chip::new(&config.validate().expect("sound"), fidelity, 1);
+            let report = chip.run_step(&same(96, task.clone())).expect("moves");
+            assert_eq!(report.directory.invalidations, 0, "{store:?} {fidelity}");
+            report.cycles
+        })
+    };
+    let spills = carried(Class::SpillStore, Class::SpillLoad);
+    assert_eq!(carried(Class::VectorStore, Class::ScalarLoad), spills, "vextract");
+    assert_eq!(carried(Class::ScalarStore, Class::VectorBroadcastLoad), spills, "vsplat");
+}
+
+#[test]
 fn a_big_chip_runs_a_small_step_on_few_cores() {
     let mut config = config("larrabee-24");
     config.cores = 1024;
-    let mut chip = Chip::new(&config.validate().expect("sound"), Fidelity::Windowed);
-    let report = chip.run_step(&mut Tasks { count: 5, make: |task| Mix::Kernel.stream(task, 500) });
+    let mut chip = Chip::new(&config.validate().expect("sound"), Fidelity::Windowed, 1);
+    let report =
+        chip.run_step(&Tasks { count: 5, make: |task| Mix::Kernel.stream(task, 500) }).expect("moves");
     assert_eq!(chip.activity().iter().filter(|core| core.issued > 0).count(), 5);
-    assert_eq!(chip.cores.iter().flatten().count(), 5);
+    let mut built = 0;
+    chip.cores.each(|_| built += 1);
+    assert_eq!(built, 5);
     assert_eq!(report.cycle_stack.total(), 1024 * report.cycles);
 }

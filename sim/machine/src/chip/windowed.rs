@@ -1,45 +1,73 @@
-//! The `windowed` level: cores run in turn, each for a window. That is far below the length of a task, so that cores early
-//! in the order do not take all tasks, and of the order of a transaction, so that a line's transactions are served nearly
-//! in order.
+//! The `windowed` level: cores run alone for a window; then the uncore serves what they asked for.
+//!
+//! A window is no longer than the shortest time in which anything outside a core can answer it
+//! ([`Uncore::answer_cycles_min`](crate::coherence::Uncore::answer_cycles_min)): whatever a core asks for in a window, the
+//! answer lies behind its end. So cores need not know of one another while they run, any host thread may run any of them, and
+//! the result is the same. Requests are served in the order of time, core and number, each transaction whole; a peer's claim
+//! is seen at most a window late.
 
-use super::{NO_PROGRESS_CYCLES_MAX, Step, stuck};
+use super::cores::AsPeers;
+use super::stuck::Watch;
+use super::{Parts, Stuck};
 use crate::Cycle;
-use crate::coherence::Hierarchy;
-use crate::core::{Core, CoreTables, WINDOW, Window};
+use crate::cache::WINDOW_MAX;
+use crate::exchange::Message;
 
-pub(super) fn run(
-    cores: &mut [Box<Core>],
-    tables: &CoreTables,
-    hierarchy: &mut Hierarchy,
-    step: &mut Step<'_>,
-    start: Cycle,
-) {
-    let count = cores.len();
-    let mut turn = 0;
+/// Runs a step that begins at `start`, whose threads have asked for their first tasks.
+pub(super) fn run(parts: &mut Parts<'_, '_>, start: Cycle) -> Result<(), Stuck> {
+    let window = parts.uncore.answer_cycles_min().clamp(1, WINDOW_MAX);
+    let mut watch = Watch::default();
+    serve(parts, start, start);
     let mut base = start;
     loop {
-        if cores.iter().all(|core| core.running == 0) {
-            return;
+        let (running, wake) = parts.cores.outlook();
+        if running == 0 {
+            break;
         }
+        watch.look(parts, base, wake)?;
         // Skip the time in which nobody can do anything.
-        let wake = cores.iter().map(|core| core.wake).min().unwrap_or(Cycle::MAX);
-        if wake.saturating_sub(base) > NO_PROGRESS_CYCLES_MAX {
-            stuck(cores, hierarchy, base);
-        }
-        base = base.max(start + (wake - start) / WINDOW * WINDOW);
-        let end = base + WINDOW;
-        // Another core begins each time: the first has the pick of tasks and slots.
-        turn = if turn + 1 >= count { 0 } else { turn + 1 };
-        for offset in 0..count {
-            let index = if turn + offset >= count { turn + offset - count } else { turn + offset };
-            let core = &mut cores[index];
-            if core.wake < end {
-                let mut window = Window::new(base);
-                while let Some(thread) = core.run_window(tables, hierarchy, &mut window) {
-                    step.feed(core, thread, hierarchy);
-                }
-            }
-        }
+        base = base.max(wake);
+        let end = base + window;
+        parts.hands.run_window(parts.cores, parts.tables, base, end);
+        serve(parts, base, end);
         base = end;
+    }
+    let Parts { cores, tables, .. } = parts;
+    cores.each_active(|core| {
+        core.read_inbox(tables, base);
+        core.shared.caches.grant_claims(Cycle::MAX);
+    });
+    Ok(())
+}
+
+/// Serves what the cores asked for in the window from `base` to `end`.
+fn serve(parts: &mut Parts<'_, '_>, base: Cycle, end: Cycle) {
+    let Parts { cores, tables, uncore, step, hands, order, pulls } = parts;
+    // In the order of time, core and number.
+    for index in 0..cores.active() {
+        let core = cores.core(index);
+        for (number, request) in core.shared.caches.outbox.iter().enumerate() {
+            uncore.prefetch(request);
+            order.push((request.time - base) << 48 | (index as u64) << 24 | number as u64);
+        }
+        if !core.shared.pulls.is_empty() {
+            pulls.extend(core.shared.pulls.drain(..).map(|pull| (pull.time, pull.thread, index)));
+        }
+        step.take_back(&mut core.shared.spent);
+    }
+    order.sort_unstable();
+    let mut peers = AsPeers { cores, tables };
+    for key in order.drain(..) {
+        let (core, number) = ((key >> 24 & 0xff_ffff) as usize, (key & 0xff_ffff) as usize);
+        let request = peers.cores.core(core).shared.caches.outbox[number];
+        uncore.serve(core as u32, &request, base, &mut peers);
+    }
+    cores.each_active(|core| core.shared.caches.outbox.clear());
+
+    // Threads that asked in one cycle: the first of every core, then the second. None begins in a window that has passed.
+    pulls.sort_unstable();
+    for (_, thread, core) in pulls.drain(..) {
+        let streams = step.next_chunk(*hands);
+        cores.core(core).tell(Message::Tasks { thread, streams, from: end });
     }
 }

@@ -75,11 +75,31 @@ impl Directory {
         (&mut page[index % PAGE_LINES], &mut self.pool)
     }
 
+    /// Who has `line`.
+    #[inline(always)]
+    pub(crate) fn sharers(&self, line: u32) -> Sharers {
+        let (pages, index) = self.place(line);
+        match pages.get(index / PAGE_LINES) {
+            Some(Some(page)) => page[index % PAGE_LINES].sharers,
+            _ => Sharers::default(),
+        }
+    }
+
+    #[inline(always)]
+    fn place(&self, line: u32) -> (&Vec<Page>, usize) {
+        if line >= STACK_BASE_LINE {
+            (&self.stacks, (line - STACK_BASE_LINE) as usize)
+        } else {
+            (&self.arena, line as usize)
+        }
+    }
+
     /// Asks the host for the record of `line`, ahead of its use.
     #[inline(always)]
     pub(crate) fn prefetch(&self, line: u32) {
-        if let Some(Some(page)) = self.arena.get(line as usize / PAGE_LINES) {
-            prefetch(&page[line as usize % PAGE_LINES]);
+        let (pages, index) = self.place(line);
+        if let Some(Some(page)) = pages.get(index / PAGE_LINES) {
+            prefetch(&page[index % PAGE_LINES]);
         }
     }
 }

@@ -1,4 +1,5 @@
-//! Coherence: MESI at line grain, one transaction a line at a time, served by the line's home directory.
+//! The uncore: a directory with a slice at every ring stop, rings and memory controllers. Coherence is MESI at line grain, one
+//! transaction a line at a time, served by the line's home.
 //!
 //! ```text
 //! requester ──request──► home ──forward──► owner ──line──► requester
@@ -6,16 +7,21 @@
 //!                          └──read──► controller ──line──► requester
 //! ```
 //!
-//! [`transition`] says what happens; `Hierarchy` says what it costs.
+//! [`transition`] says what happens; [`Uncore`] says what it costs. A transaction is a chain of legs ([`Leg`]), each of which
+//! asks one shared resource. `windowed` times the chain of one request whole before it looks at the next; `cycle` keeps all
+//! legs in an [`Agenda`], so that every resource is asked in the order of time.
 
-mod access;
+mod agenda;
 mod directory;
 mod sharers;
-mod transact;
+mod transaction;
 mod transition;
+mod uncore;
 
 #[cfg(test)]
-mod explore;
+pub(crate) mod bench;
+#[cfg(test)]
+pub(crate) mod explore;
 #[cfg(test)]
 mod tests;
 
@@ -37,11 +43,24 @@ pub(crate) enum Fault {
     LoseSharedWrite,
     /// The L1 keeps what the L2 loses.
     KeepInL1,
+    /// A request is answered twice.
+    AnswerTwice,
+    /// A request is answered when it leaves its core.
+    EarlyAnswer,
+    /// A request is never answered.
+    DropAnswer,
+    /// Whoever needs an MSHR of the L2 is asked to come again, for ever.
+    RefuseAlways,
+    /// A write that finds all MSHRs taken makes its line look as if it had arrived.
+    RefusedWriteClearsPending,
+    /// The time of translations is charged to the L1.
+    WrongCause,
 }
 
 #[cfg(test)]
 impl Fault {
-    pub(crate) const ALL: [Fault; 7] = [
+    /// Those that break the protocol.
+    pub(crate) const PROTOCOL: [Fault; 7] = [
         Fault::KeepCopy,
         Fault::KeepOwner,
         Fault::ForgetReader,
@@ -52,6 +71,8 @@ impl Fault {
     ];
 }
 
-pub(crate) use access::{Access, Hierarchy};
+use agenda::Agenda;
 pub(crate) use directory::Directory;
+use transaction::{Leg, Transaction};
 pub use transition::{Actions, Event, Others, Source, State, transition};
+pub(crate) use uncore::{Peers, Uncore};

@@ -1,6 +1,8 @@
+use super::bench::{Bench, Order, Wish};
 use super::*;
-use crate::cache::{CoreCaches, Intent, Tags};
-use crate::config::{MachineConfig, builtin_machine};
+use crate::cache::{Intent, Tags};
+use crate::config::{MachineConfig, MachineSpec, builtin_machine};
+use crate::core::Core;
 use crate::streams::Random;
 use std::collections::BTreeSet;
 
@@ -88,16 +90,18 @@ fn impossible_meetings_are_named_and_no_others() {
     assert_eq!(defined, 9 + 9 + 6 + 6);
 }
 
-/// Checks every copy against the directory and the two levels against each other.
-pub(super) fn check(hierarchy: &mut Hierarchy, lines: u32) {
+/// Checks every copy against the directory and the two levels against each other, once nothing is under way.
+pub(super) fn check(bench: &mut Bench, lines: u32) {
     for line in 0..lines {
         let mut copies = Vec::new();
-        for (core, caches) in hierarchy.caches.iter().enumerate() {
+        for core in &bench.cores {
+            let (core, caches) = (core.index, &core.shared.caches);
             let l1 = caches.l1.find(line);
             match caches.l2.find(line) {
                 Some(slot) => {
                     let state = State::from_bits(caches.l2.bits(slot));
                     assert_ne!(state, State::I, "core {core} line {line}");
+                    assert!(!caches.l2.is_reserved(slot), "core {core} line {line}: no fill is on its way");
                     if let Some(l1) = l1 {
                         let writable = caches.l1.bits(l1) & Tags::WRITABLE != 0;
                         assert_eq!(writable, state.is_owner(), "core {core} line {line}");
@@ -109,7 +113,7 @@ pub(super) fn check(hierarchy: &mut Hierarchy, lines: u32) {
         }
         let owners = copies.iter().filter(|(_, state)| state.is_owner()).count();
         assert!(owners == 0 || copies.len() == 1, "line {line}: {copies:?}");
-        let (record, pool) = hierarchy.directory.record(line);
+        let (record, pool) = bench.uncore.directory.record(line);
         let mut known = Vec::new();
         record.sharers.for_each(pool, |core| known.push(core));
         known.sort_unstable();
@@ -118,60 +122,66 @@ pub(super) fn check(hierarchy: &mut Hierarchy, lines: u32) {
     }
 }
 
-#[test]
-fn directory_and_caches_agree_under_random_traffic() {
+fn spec(edit: impl Fn(&mut MachineConfig)) -> MachineSpec {
     let mut config: MachineConfig =
         serde_json::from_str(builtin_machine("larrabee-24").expect("shipped")).expect("parses");
-    config.cores = 70;
-    (config.l1d.capacity_bytes, config.l1d.ways) = (512, 2);
-    (config.l2.capacity_bytes, config.l2.ways) = (2048, 4);
-    let spec = config.validate().expect("sound");
-    let mut hierarchy = Hierarchy::new(&spec, true);
-    for caches in &mut hierarchy.caches {
-        caches.power_up(&spec);
-    }
-    let mut random = Random::new(5);
-    let lines = 100;
-    let mut now = 0;
-    let rounds = 60_000_u32;
-    for round in 0..rounds {
-        // Mostly a few cores, at times all of them, so that lines have few sharers and many.
-        let core = random.below(if round % 4 == 0 { 70 } else { 4 }) as usize;
-        let line = random.below(if round % 3 == 0 { 8 } else { lines });
-        let intent = match random.below(10) {
-            0 => Intent::Stream,
-            1 | 2 => Intent::Write,
-            _ => Intent::Read,
+    edit(&mut config);
+    config.validate().expect("sound")
+}
+
+#[test]
+fn directory_and_caches_agree_under_random_traffic() {
+    let spec = spec(|config| {
+        config.cores = 70;
+        (config.l1d.capacity_bytes, config.l1d.ways) = (512, 2);
+        (config.l2.capacity_bytes, config.l2.ways) = (2048, 4);
+    });
+    for order in Order::ALL {
+        let mut bench = Bench::new(&spec, order, None);
+        let mut random = Random::new(5);
+        let lines = 100;
+        let rounds = 60_000_u32;
+        for round in 0..rounds {
+            // Mostly a few cores, at times all of them, so that lines have few sharers and many.
+            let core = random.below(if round % 4 == 0 { 70 } else { 4 }) as usize;
+            let line = random.below(if round % 3 == 0 { 8 } else { lines });
+            let intent = match random.below(10) {
+                0 => Intent::Stream,
+                1 | 2 => Intent::Write,
+                _ => Intent::Read,
+            };
+            bench.wish(core, Wish::Access { line, intent }, bench.now + u64::from(random.below(100)));
+            // A handful in the same window.
+            if round % 5 == 0 {
+                bench.run_until(bench.now + 60);
+            }
+            if round % 500 == 0 {
+                bench.settle();
+                check(&mut bench, lines);
+            }
+        }
+        bench.settle();
+        check(&mut bench, lines);
+        let counted = |core: &Core| {
+            let counters = core.shared.caches.l1_counters;
+            counters.hits + counters.misses + counters.merged
         };
-        let mut at = now + u64::from(random.below(100));
-        while let Err(retry) = hierarchy.access(core, line, intent, at) {
-            assert!(retry > at, "asked to come back in the past");
-            at = retry;
-        }
-        now += 20;
-        if round % 500 == 0 {
-            check(&mut hierarchy, lines);
-        }
+        assert_eq!(bench.cores.iter().map(counted).sum::<u64>(), u64::from(rounds), "{order:?}");
     }
-    check(&mut hierarchy, lines);
-    let counted = |caches: &CoreCaches| {
-        let counters = caches.l1_counters;
-        counters.hits + counters.misses + counters.merged
-    };
-    assert_eq!(hierarchy.caches.iter().map(counted).sum::<u64>(), u64::from(rounds));
 }
 
 #[test]
 fn second_miss_to_a_line_in_flight_fetches_once() {
-    let config: MachineConfig =
-        serde_json::from_str(builtin_machine("larrabee-24").expect("shipped")).expect("parses");
-    let spec = config.validate().expect("sound");
-    let mut hierarchy = Hierarchy::new(&spec, true);
-    hierarchy.caches[3].power_up(&spec);
-    let first = hierarchy.access(3, 99, Intent::Read, 0).expect("free MSHRs");
-    let second = hierarchy.access(3, 99, Intent::Read, 10).expect("free MSHRs");
-    assert_eq!(second.ready, first.ready);
-    assert_eq!(hierarchy.memory.counters.reads, 1);
-    let third = hierarchy.access(3, 99, Intent::Read, first.ready.at()).expect("free MSHRs");
-    assert_eq!((third.ready.at(), third.missed), (first.ready.at() + spec.l1d.hit_cycles, false));
+    let spec = spec(|_| ());
+    for order in Order::ALL {
+        let mut bench = Bench::new(&spec, order, None);
+        for at in [0, 10] {
+            bench.wish(3, Wish::Access { line: 99, intent: Intent::Read }, at);
+        }
+        bench.settle();
+        assert_eq!((bench.uncore.memory.counters.reads, bench.requests), (1, 1));
+        let fill = bench.last_answer;
+        let third = bench.access(3, 99, Intent::Read, fill).expect("free MSHRs");
+        assert_eq!((third.ready.at(), third.missed), (fill + spec.l1d.hit_cycles, false));
+    }
 }

@@ -71,6 +71,8 @@ pub struct CoreConfig {
     pub blocks_on_l1_miss: bool,
     /// Distinct lines that a gather or scatter hands to the L1 in a cycle; may be a fraction.
     pub gather_lines_per_cycle: f64,
+    /// Accesses of loads, stores and prefetches that the L1 serves in a cycle, for all threads of the core together.
+    pub l1_accesses_per_cycle: u32,
     /// Cycles that a gather or scatter holds its thread beside those for its lines.
     pub gather_overhead_cycles: u32,
     /// Whether a streaming store that misses goes past the L1 to the L2, without its thread waiting.
@@ -217,6 +219,8 @@ pub struct MemoryConfig {
     /// Whether a write-back keeps the MSHR of the miss that caused it until the controller has acknowledged it. If not,
     /// nothing ever waits for a write.
     pub acknowledges_writes: bool,
+    /// Lines that the write buffer of a controller holds, each from its arrival until its burst is over. Further ones wait.
+    pub write_buffer_lines: u32,
     /// Check bits in the same chips.
     pub ecc: EccConfig,
 }

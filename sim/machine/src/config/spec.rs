@@ -55,6 +55,8 @@ pub struct CoreSpec {
     pub issue_interval: Cycle,
     /// Cycles between two lines of a gather, in 1/256.
     pub gather_interval_x256: u64,
+    /// Accesses that the L1 serves in a cycle, for all threads of the core together.
+    pub l1_accesses_per_cycle: u32,
     /// Cycles that a gather holds its thread beside those for its lines.
     pub gather_overhead: Cycle,
     /// Latency of vector ALU uops.
@@ -167,6 +169,8 @@ pub struct MemorySpec {
     pub turnaround_lines: u32,
     /// Whether write-backs keep MSHRs.
     pub acknowledges_writes: bool,
+    /// Lines that the write buffer of a controller holds, at least one.
+    pub write_buffer_lines: u32,
     /// Banks a controller.
     pub banks: u32,
     /// Lines in a row.

@@ -163,6 +163,7 @@ pub(super) fn validate(config: &MachineConfig) -> Result<MachineSpec, ConfigErro
             config.core.thread_issue_interval_cycles,
         )?,
         gather_interval_x256: (FRACTION / gather_lines).round() as u64,
+        l1_accesses_per_cycle: range("core.l1_accesses_per_cycle", config.core.l1_accesses_per_cycle, 1, 4)?,
         gather_overhead: u64::from(range(
             "core.gather_overhead_cycles",
             config.core.gather_overhead_cycles,
@@ -256,6 +257,7 @@ pub(super) fn validate(config: &MachineConfig) -> Result<MachineSpec, ConfigErro
         write_row_cycle_cycles: ((row_cycle as f64 + recovery_ns * clock_ghz) * write_part).round() as u64,
         turnaround_lines: range("memory.turnaround_lines", config.memory.turnaround_lines, 0, 64)?,
         acknowledges_writes: config.memory.acknowledges_writes,
+        write_buffer_lines: range("memory.write_buffer_lines", config.memory.write_buffer_lines, 1, 1024)?,
         banks: range("memory.banks", config.memory.banks, 1, 1024)?,
         row_lines: (row_bytes / LINE_BYTES) as u32,
     };

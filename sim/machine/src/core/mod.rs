@@ -1,4 +1,4 @@
-//! A core: hardware threads that issue in order, one thread a cycle, two uops when they pair.
+//! A core with its caches, a room of its own: hardware threads that issue in order, one thread a cycle, two uops when they pair.
 //!
 //! ```text
 //! thread 0 ─ ready ring, next ─┐
@@ -7,27 +7,34 @@
 //! thread 3 ─ ready ring, next ─┘                  V: scalar, mask, loads, stores, branch
 //! ```
 //!
+//! A core runs alone for a window, or for a cycle, and leaves [`Request`](crate::exchange::Request)s behind; what it needs of
+//! others comes as [`Message`]s before the next. Nothing else of the machine can be reached from here, so cores may run on
+//! any number of host threads.
+//!
 //! Every time of a thread carries its cause (see [`When`]), so that a cycle in which nothing issues is charged to what the
 //! thread that issues next has waited for.
 
+mod cycle;
 mod stack;
 mod table;
 mod thread;
+mod waiting;
 mod walk;
 mod window;
 
 pub(crate) use stack::Stack;
 pub(crate) use thread::{State, Thread};
-pub(crate) use walk::locked;
-pub(crate) use window::{WINDOW, Window};
 
 use crate::Cycle;
-use crate::cache::Intent;
-use crate::coherence::Hierarchy;
+use crate::cache::{AccessRules, CoreCaches, Intent, Slot};
 use crate::config::MachineSpec;
-use crate::counters::Cause;
+use crate::counters::{AtomicCounters, Cause};
+use crate::exchange::{Message, Pull};
 use crate::when::{Span, When};
+use lrbsim_isa::arena::TASK_COUNTER_LINE;
+use lrbsim_isa::stream::Stream;
 use table::{Row, table};
+use waiting::{WaitList, Waiter, Waiting};
 use walk::Walk;
 
 /// When each source of a uop is there.
@@ -54,78 +61,115 @@ impl Sources {
 /// What does not change while a core runs.
 pub(crate) struct CoreTables {
     rows: Box<[Row; 256]>,
+    access: AccessRules,
     /// Until the thread that issued can issue again.
     issue_interval: Span,
-    /// The same for a gather of one line.
-    gather_hold: Span,
     blocks_on_l1_miss: bool,
-    gather_interval_x256: u64,
     gather_overhead: Cycle,
     atomic_cycles: Cycle,
-    l1_hit_cycles: Cycle,
+    /// From the task counter to the first uop of a task; `None` when tasks are there for the asking.
+    dispatch_cycles: Option<Cycle>,
 }
 
 impl CoreTables {
     pub(crate) fn new(spec: &MachineSpec) -> CoreTables {
         CoreTables {
             rows: table(spec),
+            access: AccessRules::new(spec),
             issue_interval: Span::new(spec.core.issue_interval, Cause::Dependency),
-            gather_hold: Span::new(1 + spec.core.gather_overhead, Cause::GatherLines),
             blocks_on_l1_miss: spec.core.blocks_on_l1_miss,
-            gather_interval_x256: spec.core.gather_interval_x256,
             gather_overhead: spec.core.gather_overhead,
             atomic_cycles: spec.atomic_cycles,
-            l1_hit_cycles: spec.l1d.hit_cycles,
+            dispatch_cycles: (!spec.ideal.queue).then_some(spec.dispatch_cycles),
         }
     }
 
-    /// The row of the uop at `pc`.
+    /// The row of a uop.
     #[inline(always)]
-    fn row(&self, uops: &[u32], pc: usize) -> Row {
-        self.rows[(uops[pc] & 0xff) as usize]
+    fn row(&self, uop: u32) -> Row {
+        self.rows[(uop & 0xff) as usize]
     }
+}
+
+/// What the threads of a core share.
+pub(crate) struct Shared {
+    pub(crate) caches: CoreCaches,
+    waiting: WaitList,
+    /// Room for those that wait no longer.
+    resolved: Vec<Waiting>,
+    /// Threads that ask for tasks, to leave with the requests.
+    pub(crate) pulls: Vec<Pull>,
+    pub(crate) atomics: AtomicCounters,
+    /// Uops of the streams that have been run in this step.
+    pub(crate) issued: u64,
+    /// Buffers of streams that have been run.
+    pub(crate) spent: Vec<Stream>,
 }
 
 /// One core.
 pub(crate) struct Core {
     pub(crate) index: usize,
     pub(crate) threads: Vec<Thread>,
+    pub(crate) shared: Shared,
+    /// What the uncore has told it and it has not looked at yet, in order.
+    pub(crate) inbox: Vec<Message>,
     pub(crate) stack: Stack,
     /// When the last of its threads came to the barrier.
     pub(crate) arrival: Cycle,
     /// Threads that still have or may still get a task.
     pub(crate) running: u32,
-    /// Least [`Thread::next`] of the threads: nothing happens before.
+    /// Least [`Thread::next`] of the threads, or the time of a message: nothing happens before.
     pub(crate) wake: Cycle,
     /// Where the round robin stands.
     turn: usize,
-    pub(crate) issued: u64,
 }
 
 impl Core {
-    pub(crate) fn new(index: usize) -> Core {
+    /// A core that has never run, of a machine.
+    pub(crate) fn new(index: usize, spec: &MachineSpec) -> Core {
+        let shared = Shared {
+            caches: CoreCaches::new(spec),
+            waiting: WaitList::default(),
+            resolved: Vec::new(),
+            pulls: Vec::new(),
+            atomics: AtomicCounters::default(),
+            issued: 0,
+            spent: Vec::new(),
+        };
         Core {
             index,
             threads: Vec::new(),
+            shared,
+            inbox: Vec::new(),
             stack: Stack::default(),
             arrival: 0,
             running: 0,
             wake: Cycle::MAX,
             turn: 0,
-            issued: 0,
         }
     }
 
-    /// Sends the first `count` threads to the task counter at `now`; the others sleep.
-    pub(crate) fn start_step(&mut self, count: usize, now: Cycle) {
+    /// Readies the first `count` threads of at most `per_core` for a step that begins at `now`; the others sleep.
+    pub(crate) fn start_step(&mut self, count: usize, per_core: u32, now: Cycle) {
+        while self.threads.len() < count {
+            let index = self.threads.len() as u8;
+            self.threads.push(Thread::new(index, self.index as u32 * per_core + u32::from(index)));
+        }
         for (index, thread) in self.threads.iter_mut().enumerate() {
-            let takes_part = index < count;
-            thread.state = if takes_part { State::Ended } else { State::Done };
-            thread.next = if takes_part { When::new(now, Cause::Queue) } else { When::NEVER };
+            thread.state = if index < count { State::Ended } else { State::Done };
+            thread.next = When::NEVER;
         }
         self.stack.start(now);
-        (self.issued, self.arrival) = (0, now);
+        (self.shared.issued, self.arrival, self.turn) = (0, now, 0);
         self.running = count as u32;
+        self.update_wake();
+    }
+
+    /// Has `thread` of a core that has been readied ask for its first task at `now`.
+    pub(crate) fn ask_first(&mut self, tables: &CoreTables, thread: usize, now: Cycle) {
+        self.shared.caches.ports.begin(now);
+        self.threads[thread].next = When::new(now, Cause::Queue);
+        self.threads[thread].pull(tables, &mut self.shared);
         self.update_wake();
     }
 
@@ -135,207 +179,373 @@ impl Core {
         self.wake = self.threads.iter().map(|thread| thread.next.at()).min().unwrap_or(Cycle::MAX);
     }
 
-    /// Whether `thread` has been sent to the task counter and not yet got anything.
-    pub(crate) fn takes_part(&self, thread: usize) -> bool {
-        self.threads.get(thread).is_some_and(|thread| thread.state == State::Ended)
+    /// Notes what the uncore says, to be looked at before the core runs on.
+    #[inline]
+    pub(crate) fn tell(&mut self, message: Message) {
+        self.wake = self.wake.min(message.wakes_at());
+        self.inbox.push(message);
     }
 
-    /// A thread that has come to the end of its stream by `now`.
-    pub(crate) fn ended(&self, now: Cycle) -> Option<usize> {
-        self.threads.iter().position(|thread| thread.state == State::Ended && thread.next.at() <= now)
+    /// Looks at everything that the uncore has said; nothing will happen before `floor` any more.
+    #[inline]
+    pub(crate) fn read_inbox(&mut self, tables: &CoreTables, floor: Cycle) {
+        if !self.inbox.is_empty() {
+            self.read_messages(tables, floor);
+        }
+        self.shared.caches.grant_claims(floor);
     }
 
-    /// One cycle: every gather whose next line is due hands it on, and the next thread in turn that can issue does.
-    pub(crate) fn step(&mut self, tables: &CoreTables, hierarchy: &mut Hierarchy, now: Cycle) {
-        let count = self.threads.len();
-        let mut chosen = None;
-        let mut index = self.turn;
-        for _ in 0..count {
-            index = if index + 1 >= count { 0 } else { index + 1 };
-            let thread = &mut self.threads[index];
-            if thread.next.at() > now {
-                continue;
-            }
-            match thread.state {
-                State::Walking => thread.continue_walk(tables, hierarchy, self.index, now),
-                State::Running if chosen.is_none() => chosen = Some(index),
-                State::Running | State::Ended | State::Done => {}
+    #[inline(never)]
+    fn read_messages(&mut self, tables: &CoreTables, floor: Cycle) {
+        let mut answered = false;
+        let mut inbox = std::mem::take(&mut self.inbox);
+        for message in inbox.drain(..) {
+            match message {
+                Message::Answer { mshr, fill, owned, kept } => {
+                    assert!(
+                        fill.at() >= floor,
+                        "Chip.Core[{}], cycle {floor}: an answer for cycle {}, which has passed",
+                        self.index,
+                        fill.at()
+                    );
+                    self.shared.caches.answer(mshr, fill, owned, kept);
+                    answered = true;
+                }
+                Message::Release { mshr, at } => {
+                    self.shared.caches.l2_mshrs.release(mshr.into(), at);
+                    answered = true;
+                }
+                Message::Claim(claim) => self.shared.caches.claim(claim),
+                Message::Tasks { thread, streams, from } => {
+                    let thread = &mut self.threads[usize::from(thread)];
+                    thread.queue.extend(streams);
+                    thread.fed_from = Some(from);
+                    self.running -= thread.start_fed(tables, &mut self.shared, &mut self.arrival);
+                }
             }
         }
-        if let Some(index) = chosen {
-            let thread = &mut self.threads[index];
-            let waited_for = thread.next;
-            let (before, mut pc) = (thread.pc, thread.pc);
-            let mut row = tables.row(&thread.stream.uops, pc);
-            thread.next =
-                thread.issue::<true>(tables, hierarchy, self.index, When::bare(now), &mut pc, &mut row);
-            thread.pc = pc;
-            thread.note_end();
-            self.issued += (pc - before) as u64;
-            self.stack.issue(now, waited_for);
-            self.turn = index;
+        self.inbox = inbox;
+        if answered {
+            self.resolve(tables, floor);
         }
         self.update_wake();
-        // One issue a cycle: threads that are ready now go on in the next.
-        self.wake = self.wake.max(now + 1);
+    }
+
+    /// Gives their times to uops whose lines have got them, and wakes threads.
+    fn resolve(&mut self, tables: &CoreTables, floor: Cycle) {
+        let Core { threads, shared, arrival, running, .. } = self;
+        if !shared.waiting.is_empty() {
+            let mut done = std::mem::take(&mut shared.resolved);
+            let Shared { caches, waiting, .. } = shared;
+            waiting.resolve(caches, tables.atomic_cycles, floor, |waiting| done.push(waiting));
+            for waiting in done.drain(..) {
+                let thread = &mut threads[usize::from(waiting.thread)];
+                *running -= thread.take_result(tables, shared, waiting, arrival);
+            }
+            shared.resolved = done;
+        }
+        for thread in threads {
+            thread.look_again(floor);
+        }
+    }
+
+    /// A number that grows whenever the core gets on.
+    pub(crate) fn progress(&self) -> u64 {
+        let atomics = self.shared.atomics.operations + self.shared.atomics.task_pulls;
+        let caches = &self.shared.caches;
+        self.shared.issued
+            + atomics
+            + caches.l1_counters.hits
+            + caches.l1_counters.misses
+            + caches.l2_counters.hits
     }
 }
 
 impl Thread {
     /// Issues the uop at `pc`, whose class has `row`, at `now`, a bare time, and the one after it if they pair; moves `pc` and
-    /// `row` past them. Returns when the thread can go on. Lines of a gather are handed on when they are due if `STEPWISE`
-    /// (`cycle`), else at once (`windowed`).
+    /// `row` past them. Returns when the thread can go on; [`When::NEVER`] when the uncore or more lines that are not due
+    /// before `end` decide.
     #[inline(always)]
-    fn issue<const STEPWISE: bool>(
+    fn issue(
         &mut self,
         tables: &CoreTables,
-        hierarchy: &mut Hierarchy,
-        core: usize,
+        shared: &mut Shared,
         now: When,
+        end: Cycle,
         pc: &mut usize,
         row: &mut Row,
     ) -> When {
         let free = now.plus(tables.issue_interval);
-        let held = self.execute::<STEPWISE>(tables, hierarchy, core, now, *pc, *row).max(free);
+        let first_row = *row;
+        let held = self.execute(tables, shared, now, end, free, *pc, *row);
         *pc += 1;
-        if *pc >= self.stream.uops.len() || STEPWISE && self.state == State::Walking {
-            return held;
-        }
+        self.held = held;
+        let Some(uop) = self.stream.uops.get(*pc).copied() else { return held };
 
         // The second pipe: the next uop, if its sources are there now and the two need different things.
-        let first_row = *row;
-        *row = tables.row(&self.stream.uops, *pc);
-        let sources = self.sources(*pc, *row);
+        *row = tables.row(uop);
+        let sources = self.sources(uop, *pc, *row);
         if !(first_row.pairs_with(*row) && held == free && sources.are_there(now)) {
             return sources.after(held);
         }
-        let held = self.execute::<STEPWISE>(tables, hierarchy, core, now, *pc, *row).max(free);
+        let held = self.execute(tables, shared, now, end, free, *pc, *row);
         *pc += 1;
-        if *pc >= self.stream.uops.len() || STEPWISE && self.state == State::Walking {
-            return held;
-        }
-        *row = tables.row(&self.stream.uops, *pc);
-        self.sources(*pc, *row).after(held)
+        self.held = held;
+        let Some(uop) = self.stream.uops.get(*pc).copied() else { return held };
+        *row = tables.row(uop);
+        self.sources(uop, *pc, *row).after(held)
     }
 
-    /// Notices that the last uop of the stream has been issued, and its lines handed on.
+    /// After a run of issues: notices that a walk has more lines, or that the stream has come to its end.
     #[inline(always)]
-    fn note_end(&mut self) {
-        if self.pc == self.stream.uops.len() && self.state == State::Running {
+    fn stop_issuing(&mut self) {
+        if self.state == State::Walking {
+            self.next = self.walk.next();
+        } else if self.pc == self.stream.uops.len() && self.state == State::Running {
             self.state = State::Ended;
         }
     }
 
-    /// When the sources of the uop at `pc` are there.
+    /// When the sources of `uop`, which is at `pc` and has `row`, are there.
     #[inline(always)]
-    fn sources(&mut self, pc: usize, row: Row) -> Sources {
-        let uop = self.stream.uops[pc];
+    fn sources(&mut self, uop: u32, pc: usize, row: Row) -> Sources {
         // Distance 0 looks at the uop's own place, where it finds 0: always ready.
         self.ready[pc % 256] = When::ZERO;
         let ready = |distance: u32| self.ready[pc.wrapping_sub(distance as usize) % 256];
-        Sources([ready(uop >> 8 & 0xff), ready(uop >> 16 & 0xff), ready(uop >> 24 & row.third_producer())])
+        let third = uop >> 24 & row.third_producer();
+        Sources([ready(uop >> 8 & 0xff), ready(uop >> 16 & 0xff), ready(third)])
     }
 
-    /// Executes the uop at `pc` at `now`, a bare time: its result's time goes to the ready ring. Returns until when it holds
-    /// its thread.
+    /// Executes the uop at `pc`, which has `row`, at `now`, a bare time: its result's time goes to the ready ring. Returns until when it holds its
+    /// thread, at least until `free`.
     #[inline(always)]
-    fn execute<const STEPWISE: bool>(
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "place and row are kept in registers of the host while a window runs"
+    )]
+    fn execute(
         &mut self,
         tables: &CoreTables,
-        hierarchy: &mut Hierarchy,
-        core: usize,
+        shared: &mut Shared,
         now: When,
+        end: Cycle,
+        free: When,
         pc: usize,
         row: Row,
     ) -> When {
         if row.is_compute() {
             self.ready[pc % 256] = now.plus(row.latency());
-            return When::ZERO;
+            return free;
         }
-        self.execute_other::<STEPWISE>(tables, hierarchy, core, now, pc)
+        self.execute_other(tables, shared, now, end, pc).max(free)
     }
 
-    /// The same for a branch or a uop that touches memory.
+    /// Executes a branch or a uop that touches memory.
     #[inline(never)]
-    fn execute_other<const STEPWISE: bool>(
+    fn execute_other(
         &mut self,
         tables: &CoreTables,
-        hierarchy: &mut Hierarchy,
-        core: usize,
+        shared: &mut Shared,
         now: When,
+        end: Cycle,
         pc: usize,
     ) -> When {
         let uop = self.stream.uops[pc];
-        let row = tables.rows[(uop & 0xff) as usize];
+        let row = tables.row(uop);
         if row.is_branch() {
             // Nobody reads its result.
             return now.plus(row.latency());
         }
-        let mut due = now.at();
-        if uop >> 24 == 1 {
-            // The common case: one line, which is handed on here and now.
-            match self.one_line(tables, hierarchy, core, now, row, pc) {
-                Some(Ok(held)) => return held,
-                Some(Err(retry)) => due = retry,
-                None => {}
-            }
+        let lines = uop >> 24;
+        if lines == 1
+            && let Some(intent) = row.loads_or_stores()
+            && shared.caches.ports.take_now(now.at())
+        {
+            // The common case: one line, which the L1 takes here and now, and has.
+            let line = self.line();
+            return match shared.caches.l1_hit(&tables.access, line, intent != Intent::Read) {
+                Ok(()) => {
+                    self.line_pc += 1;
+                    self.ready[pc % 256] = now.plus(row.latency());
+                    When::ZERO
+                }
+                Err(slot) => self.miss_one_line(tables, shared, (pc, row), slot, now, end),
+            };
         }
-        let walk = Walk::new(pc, row, uop >> 24, now.at(), due);
-        self.advance_walk::<STEPWISE>(tables, hierarchy, core, walk, now.at())
+        self.begin_walk(tables, shared, (pc, row, lines), now, end)
     }
 
-    /// The same for a load, a store, a gather, a scatter or an L1 prefetch of one line; `None` for others. `Err` is the time
-    /// to ask again, when all MSHRs are taken.
-    #[inline(always)]
-    fn one_line(
+    /// Begins to hand on the lines of the uop at `pc`.
+    #[inline(never)]
+    fn begin_walk(
         &mut self,
         tables: &CoreTables,
-        hierarchy: &mut Hierarchy,
-        core: usize,
+        shared: &mut Shared,
+        (pc, row, lines): (usize, Row, u32),
         now: When,
-        row: Row,
-        pc: usize,
-    ) -> Option<Result<When, Cycle>> {
-        let lines = &self.stream.lines[self.line_pc..];
-        let mut ready = now.plus(row.latency());
-        let mut held = When::ZERO;
-        if let Some(intent) = row.loads_or_stores() {
-            let access = match walk::load_or_store(hierarchy, core, lines, intent, now.at()) {
-                Ok(access) => access,
-                Err(retry) => return Some(Err(retry)),
-            };
-            ready = ready.max(access.ready);
-            if row.is_gather() {
-                held = now.plus(tables.gather_hold);
-            }
-            if tables.blocks_on_l1_miss && access.missed {
-                held = held.max(ready);
-            }
-        } else if row.is_l1_prefetch() {
-            // Nothing waits for it.
-            if let Err(retry) = hierarchy.access(core, lines[0], Intent::Read, now.at()) {
-                return Some(Err(retry));
-            }
-        } else {
-            return None;
-        }
-        self.line_pc += 1;
-        self.ready[pc % 256] = ready;
-        Some(Ok(held))
+        end: Cycle,
+    ) -> When {
+        let walk = Walk::new(pc, row, lines, now.at(), false);
+        self.advance_walk(tables, shared, walk, end)
     }
 
-    /// Goes on with a gather whose next line is due.
-    fn continue_walk(&mut self, tables: &CoreTables, hierarchy: &mut Hierarchy, core: usize, now: Cycle) {
-        let hold = self.advance_walk::<true>(tables, hierarchy, core, self.walk, now);
+    /// Hands on the one line of the uop at `pc`, which the L1 has taken at `now` and found in `slot` if at all, but not ready.
+    #[inline(never)]
+    fn miss_one_line(
+        &mut self,
+        tables: &CoreTables,
+        shared: &mut Shared,
+        (pc, row): (usize, Row),
+        slot: Option<Slot>,
+        now: When,
+        end: Cycle,
+    ) -> When {
+        let line = self.line();
+        let intent = row.kind().intent();
+        let result = shared.load_or_store_beyond_hit(tables, line, slot, intent, now.at());
+        let walk = Walk::new(pc, row, 1, now.at(), true);
+        self.end_one_line(tables, shared, walk, line, result, end)
+    }
+
+    /// Goes on with a walk whose next line is due before `end`.
+    fn continue_walk(&mut self, tables: &CoreTables, shared: &mut Shared, end: Cycle) {
+        self.state = State::Running;
+        let held = self.advance_walk(tables, shared, self.walk, end).max(self.held_by_issue());
         if self.state == State::Walking {
-            self.next = hold;
+            self.next = self.walk.next();
             return;
         }
-        self.next = hold.max(When::new(now + 1, Cause::Dependency));
-        if self.pc < self.stream.uops.len() {
-            let row = tables.row(&self.stream.uops, self.pc);
-            self.next = self.sources(self.pc, row).after(self.next);
+        self.held = held;
+        self.next = self.next_issue();
+        self.stop_issuing();
+    }
+
+    /// What the issue of a uop that is still walking holds its thread for: over long since, but for the walk.
+    fn held_by_issue(&self) -> When {
+        if self.held == When::NEVER { When::ZERO } else { self.held }
+    }
+
+    /// When the thread can issue its next uop, or has come to the end of its stream.
+    fn next_issue(&mut self) -> When {
+        match self.stream.uops.get(self.pc).copied() {
+            Some(uop) => self.sources(uop, self.pc, self.row).after(self.held),
+            None => self.held,
         }
-        self.note_end();
+    }
+
+    /// Takes the time of a result, or of the task counter, that was left open. Returns how many threads ended: 1 or 0.
+    fn take_result(
+        &mut self,
+        tables: &CoreTables,
+        shared: &mut Shared,
+        waiting: Waiting,
+        arrival: &mut Cycle,
+    ) -> u32 {
+        match waiting.waiter {
+            Waiter::Pull => {
+                self.counter_read = waiting.ready;
+                return self.start_fed(tables, shared, arrival);
+            }
+            Waiter::Uop { place, generation } => {
+                if generation == self.generation && self.pc - place <= 255 {
+                    self.ready[place % 256] = waiting.ready;
+                }
+                if waiting.holds {
+                    self.holders -= 1;
+                    self.held = self.held_by_issue().max(waiting.hold).max(waiting.ready);
+                }
+            }
+        }
+        0
+    }
+
+    /// After answers of the uncore: finds out again when it can go on, if that was for the uncore to say.
+    fn look_again(&mut self, floor: Cycle) {
+        if self.next != When::NEVER || self.holders > 0 {
+            return;
+        }
+        match self.state {
+            State::Running => self.next = self.next_issue(),
+            State::Walking => {
+                self.walk.retry(floor);
+                self.next = self.walk.next();
+            }
+            State::Ended if self.held != When::NEVER => self.next = self.held.not_before(floor),
+            State::Ended | State::Asking | State::Done => {}
+        }
+    }
+
+    /// Goes on with what is not an issue: a walk, or the end of a stream.
+    #[inline(never)]
+    fn act(&mut self, tables: &CoreTables, shared: &mut Shared, end: Cycle) {
+        match self.state {
+            State::Walking => self.continue_walk(tables, shared, end),
+            State::Ended => self.take_next(tables, shared),
+            State::Running | State::Asking | State::Done => {}
+        }
+    }
+
+    /// At the end of a stream: begins the next one of the chunk, or asks for tasks.
+    fn take_next(&mut self, tables: &CoreTables, shared: &mut Shared) {
+        match self.queue.pop_front() {
+            Some(stream) => {
+                self.begin(tables, shared, stream, self.next);
+            }
+            None => self.pull(tables, shared),
+        }
+    }
+
+    /// Adds to the task counter and asks for what that gives, at [`Thread::next`]; tries again later if all MSHRs are taken.
+    fn pull(&mut self, tables: &CoreTables, shared: &mut Shared) {
+        let now = self.next.at();
+        if tables.dispatch_cycles.is_some() {
+            match shared.locked(tables, TASK_COUNTER_LINE.0, now) {
+                Err(again) if again.at >= When::NEVER.at() => {
+                    (self.next, self.held) = (When::NEVER, When::new(now, Cause::Queue));
+                    return;
+                }
+                Err(again) => {
+                    self.next = When::new(again.at, Cause::Queue);
+                    return;
+                }
+                Ok(access) if access.ready == When::NEVER => {
+                    let id = shared.waiting.add(self.index, Waiter::Pull);
+                    shared.waiting.wait_for(id, access, Some(TASK_COUNTER_LINE.0));
+                    let open = shared.waiting.hand_on(id);
+                    debug_assert!(open.is_none());
+                    self.counter_read = When::NEVER;
+                }
+                Ok(access) => self.counter_read = access.ready,
+            }
+            shared.atomics.task_pulls += 1;
+        } else {
+            self.counter_read = When::bare(now);
+        }
+        shared.pulls.push(Pull { time: now, thread: self.index });
+        (self.state, self.next, self.fed_from) = (State::Asking, When::NEVER, None);
+    }
+
+    /// Begins with the first of its new tasks, or goes to the barrier if it got none, once it knows both what it got and when
+    /// the task counter has been read. Returns how many threads went to the barrier: 1 or 0.
+    fn start_fed(&mut self, tables: &CoreTables, shared: &mut Shared, arrival: &mut Cycle) -> u32 {
+        let Some(from) = self.fed_from else { return 0 };
+        if self.counter_read == When::NEVER {
+            return 0;
+        }
+        self.fed_from = None;
+        let ready = self.counter_read.at() + tables.dispatch_cycles.unwrap_or(0);
+        match self.queue.pop_front() {
+            Some(stream) => {
+                self.begin(tables, shared, stream, When::new(ready.max(from), Cause::Queue));
+                0
+            }
+            None => {
+                self.state = State::Done;
+                self.next = When::NEVER;
+                self.give_back(shared, Stream::default());
+                *arrival = (*arrival).max(ready);
+                1
+            }
+        }
     }
 }

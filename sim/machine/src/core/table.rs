@@ -25,14 +25,36 @@ pub(super) enum Kind {
     GatherPrefetch,
     /// A locked operation.
     Atomic,
-    /// Touches one line of the thread's stack.
-    Spill(Intent),
+    /// Locked operations on up to 16 lines, handed on at the rate of a gather.
+    AtomicGather,
 }
 
 impl Kind {
     #[inline(always)]
     pub(super) fn is_prefetch(self) -> bool {
         matches!(self, Kind::PrefetchL1 | Kind::PrefetchL2 | Kind::GatherPrefetch)
+    }
+
+    /// Whether its lines take their turns with those of all gathers of the core.
+    #[inline(always)]
+    pub(super) fn is_gather(self) -> bool {
+        matches!(self, Kind::Gather(_) | Kind::AtomicGather | Kind::GatherPrefetch)
+    }
+
+    /// Whether it works on each of its lines alone.
+    #[inline(always)]
+    pub(super) fn locks(self) -> bool {
+        matches!(self, Kind::Atomic | Kind::AtomicGather)
+    }
+
+    /// What it wants of its lines.
+    #[inline(always)]
+    pub(super) fn intent(self) -> Intent {
+        match self {
+            Kind::Access(intent) | Kind::Gather(intent) => intent,
+            Kind::Atomic | Kind::AtomicGather => Intent::Write,
+            _ => Intent::Read,
+        }
     }
 }
 
@@ -54,10 +76,10 @@ const BRANCH_UNIT: u8 = 8;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Row(u64);
 
-/// Of every uop: whoever excludes it pairs with none.
+/// What every uop uses: whoever excludes it pairs with none.
 const ANYTHING: u8 = 128;
 
-const KINDS: [Kind; 13] = [
+const KINDS: [Kind; 12] = [
     Kind::Compute,
     Kind::Branch,
     Kind::Access(Intent::Read),
@@ -69,12 +91,11 @@ const KINDS: [Kind; 13] = [
     Kind::PrefetchL2,
     Kind::GatherPrefetch,
     Kind::Atomic,
-    Kind::Spill(Intent::Read),
-    Kind::Spill(Intent::Write),
+    Kind::AtomicGather,
 ];
 
 impl Row {
-    /// Of no uop.
+    /// The row of bytes that are no class.
     pub(super) const NONE: Row = Row::new(Span::new(1, Cause::Dependency), 0, PIPE_U, PIPE_U, 0);
 
     /// A latency is far below 2^28 cycles.
@@ -117,24 +138,13 @@ impl Row {
         self.0 >> 56 == 1
     }
 
-    /// Of a load, a store, a gather or a scatter: what it wants of its lines.
+    /// What a load or a store wants of its lines.
     #[inline(always)]
     pub(super) fn loads_or_stores(self) -> Option<Intent> {
         match self.kind() {
-            Kind::Access(intent) | Kind::Gather(intent) => Some(intent),
+            Kind::Access(intent) => Some(intent),
             _ => None,
         }
-    }
-
-    /// Of one of those: whether it is a gather or a scatter.
-    #[inline(always)]
-    pub(super) fn is_gather(self) -> bool {
-        matches!(self.kind(), Kind::Gather(_))
-    }
-
-    #[inline(always)]
-    pub(super) fn is_l1_prefetch(self) -> bool {
-        self.kind() == Kind::PrefetchL1
     }
 }
 
@@ -149,7 +159,9 @@ pub(super) fn table(spec: &MachineSpec) -> Box<[Row; 256]> {
 
 fn row(spec: &MachineSpec, class: Class) -> Row {
     use Intent::{Read, Stream, Write};
-    use Kind::{Access, Atomic, Branch, Compute, Gather, GatherPrefetch, PrefetchL1, PrefetchL2, Spill};
+    use Kind::{
+        Access, Atomic, AtomicGather, Branch, Compute, Gather, GatherPrefetch, PrefetchL1, PrefetchL2,
+    };
     let core = &spec.core;
     let hit = spec.l1d.hit_cycles;
     // Latency, uses, kind. Pipe V takes what does not use pipe U: loads, stores, simple ALU, branches, cache control,
@@ -168,7 +180,7 @@ fn row(spec: &MachineSpec, class: Class) -> Row {
         Class::VectorExpand => (hit, PIPE_U | LOAD_PORT, Access(Read)),
         Class::VectorCompress => (1, PIPE_U | STORE_PORT, Access(Write)),
         Class::Gather => (hit, PIPE_U | LOAD_PORT, Gather(Read)),
-        Class::AtomicGather => (hit, PIPE_U | LOAD_PORT | STORE_PORT, Gather(Write)),
+        Class::AtomicGather => (hit, PIPE_U | LOAD_PORT | STORE_PORT, AtomicGather),
         Class::Scatter | Class::AtomicScatter => (1, PIPE_U | STORE_PORT, Gather(Write)),
         Class::PrefetchL1 => (1, LOAD_PORT, PrefetchL1),
         Class::PrefetchL2 => (1, LOAD_PORT, PrefetchL2),
@@ -178,8 +190,8 @@ fn row(spec: &MachineSpec, class: Class) -> Row {
         Class::ScalarMul => (core.scalar_mul, PIPE_U, Compute),
         Class::Atomic => (spec.atomic_cycles, PIPE_U | LOAD_PORT | STORE_PORT, Atomic),
         Class::Branch => (core.branch, BRANCH_UNIT, Branch),
-        Class::SpillStore => (1, STORE_PORT, Spill(Write)),
-        Class::SpillLoad => (hit, LOAD_PORT, Spill(Read)),
+        Class::SpillStore => (1, STORE_PORT, Access(Write)),
+        Class::SpillLoad => (hit, LOAD_PORT, Access(Read)),
     };
     debug_assert!(latency < 1 << 28, "validated");
     let latency = Span::new(latency, if class.is_memory() { Cause::L1 } else { Cause::Dependency });

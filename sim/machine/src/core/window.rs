@@ -1,52 +1,35 @@
-//! Issue of 64 cycles at once.
+//! Issue of a window at once.
 //!
 //! Each thread in turn takes free issue slots at or after the time it can go on; the turn moves on with every window. What
 //! the threads lose by not being interleaved inside a window they gain in the next.
 
-use super::{Core, CoreTables, State, Thread};
+use super::{Core, CoreTables, Shared, State, Thread};
 use crate::Cycle;
-use crate::coherence::Hierarchy;
+use crate::cache::WINDOW_MAX;
 use crate::when::When;
 
-/// Cycles in a window: bits in a word of the host. Half as many are no closer to `cycle` (`cargo bench --bench fidelity`).
-pub(crate) const WINDOW: Cycle = 64;
-
 /// A window under way.
-pub(crate) struct Window {
+struct Window {
     start: Cycle,
+    end: Cycle,
     taken: u64,
-    causes: [u8; WINDOW as usize],
-    /// Which thread, counted from the turn, is to issue.
-    offset: usize,
-}
-
-impl Window {
-    pub(crate) fn new(start: Cycle) -> Window {
-        Window { start, taken: 0, causes: [0; WINDOW as usize], offset: 0 }
-    }
+    causes: [u8; WINDOW_MAX as usize],
 }
 
 impl Core {
-    /// Issues what fits in the window, up to a thread that needs its next stream, which is returned: give it one and call
-    /// again. `None` when the window is done.
+    /// Looks at what the uncore has said, and issues what fits in the window from `start` to before `end`.
     #[inline(never)]
-    pub(crate) fn run_window(
-        &mut self,
-        tables: &CoreTables,
-        hierarchy: &mut Hierarchy,
-        window: &mut Window,
-    ) -> Option<usize> {
+    pub(crate) fn run_window(&mut self, tables: &CoreTables, start: Cycle, end: Cycle) {
+        self.read_inbox(tables, start);
+        if self.wake >= end {
+            return;
+        }
+        self.shared.caches.ports.begin(start);
+        let mut window = Window { start, end, taken: 0, causes: [0; WINDOW_MAX as usize] };
         let count = self.threads.len();
-        while window.offset < count {
-            let index = wrapped(self.turn + window.offset, count);
-            let thread = &mut self.threads[index];
-            let before = thread.pc;
-            let wants_stream = thread.issue_in(tables, hierarchy, self.index, window);
-            self.issued += (thread.pc - before) as u64;
-            if wants_stream {
-                return Some(index);
-            }
-            window.offset += 1;
+        for offset in 0..count {
+            let thread = &mut self.threads[wrapped(self.turn + offset, count)];
+            thread.run_in(tables, &mut self.shared, &mut window);
         }
         self.turn = wrapped(self.turn + 1, count);
 
@@ -60,44 +43,47 @@ impl Core {
             left = if first + run == 64 { 0 } else { left & (u64::MAX << (first + run)) };
         }
         self.update_wake();
-        None
+        self.wake = self.wake.max(end);
     }
 }
 
 impl Thread {
-    /// Issues in the free slots of a window; returns whether it stopped because it needs its next stream.
+    /// Does what it can before the end of a window.
     #[inline(always)]
-    fn issue_in(
-        &mut self,
-        tables: &CoreTables,
-        hierarchy: &mut Hierarchy,
-        core: usize,
-        window: &mut Window,
-    ) -> bool {
-        let (start, end) = (When::bare(window.start), When::bare(window.start + WINDOW));
-        if self.next >= end {
-            return false;
+    fn run_in(&mut self, tables: &CoreTables, shared: &mut Shared, window: &mut Window) {
+        let end = When::bare(window.end);
+        while self.next < end {
+            if self.state != State::Running {
+                self.act(tables, shared, window.end);
+            } else if self.issue_in(tables, shared, window) {
+                break;
+            }
         }
-        if self.state != State::Running {
-            return true;
-        }
+    }
+
+    /// Issues in the free slots of a window; returns whether none is left for it.
+    #[inline(always)]
+    fn issue_in(&mut self, tables: &CoreTables, shared: &mut Shared, window: &mut Window) -> bool {
+        let (start, end) = (When::bare(window.start), When::bare(window.end));
         let (mut pc, mut next, mut free) = (self.pc, self.next, !window.taken);
-        let mut row = tables.row(&self.stream.uops, pc);
+        let mut row = self.row;
+        let mut full = false;
         while next < end && pc < self.stream.uops.len() {
             let earliest = next.max(start).at() - window.start;
             let left = free >> earliest;
-            if left == 0 {
+            let slot = earliest + u64::from(left.trailing_zeros());
+            if left == 0 || window.start + slot >= window.end {
+                full = true;
                 break;
             }
-            let slot = earliest + u64::from(left.trailing_zeros());
             free &= !(1 << slot);
-            window.causes[slot as usize % WINDOW as usize] = next.cause_index();
+            window.causes[slot as usize % WINDOW_MAX as usize] = next.cause_index();
             let now = When::bare(window.start + slot);
-            next = self.issue::<false>(tables, hierarchy, core, now, &mut pc, &mut row);
+            next = self.issue(tables, shared, now, window.end, &mut pc, &mut row);
         }
-        (self.pc, self.next, window.taken) = (pc, next, !free);
-        self.note_end();
-        self.state == State::Ended && next < end
+        (self.pc, self.next, self.row, window.taken) = (pc, next, row, !free);
+        self.stop_issuing();
+        full
     }
 }
 

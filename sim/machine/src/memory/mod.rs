@@ -3,42 +3,68 @@
 //! Line `l` belongs to controller `l mod controllers`; there, consecutive lines fill a row, and consecutive rows go round
 //! the banks. Where that round begins and in which order it goes differ from one stretch of 2 MB to the next without pattern,
 //! as the first does when an operating system hands out pages: arrays a power of two apart do not meet in one bank. An access waits for its bank to
-//! be able to open a row, if it has to, and then for the channel. A write keeps its bank longer than a read.
+//! be able to open a row, if it has to, and then for the channel. A write keeps its bank longer than a read, and stands in the
+//! controller's write buffer until its burst is over; where that is full it has to wait outside.
 
 mod spans;
+mod write_buffer;
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
 use crate::Cycle;
 use crate::config::MemorySpec;
 use crate::counters::MemoryCounters;
 use crate::division::Divisor;
 use crate::occupancy::Slots;
+use crate::pages::Hints;
 use lrbsim_isa::arena::LINE_BYTES;
 use spans::Spans;
+use write_buffer::WriteBuffer;
 
 /// Lines of a stretch of memory that lies in the chips as one.
 const FRAME_LINES: u64 = (2 << 20) / LINE_BYTES;
 
-#[derive(Debug)]
+/// The row that is open in a bank.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Bank {
     open_row: u32,
     /// When that row was opened, or will have been.
     open_since: Cycle,
-    openings: Spans,
 }
 
-#[derive(Debug)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 struct Controller {
     channel: Slots,
     /// Whether the last access wrote.
     wrote: bool,
     banks: Vec<Bank>,
+    openings: Spans,
+    writes: WriteBuffer,
+    /// By bank, lines of turnaround and since when the row is open, [`Cycle::MAX`] when it has to be opened: when a write
+    /// cannot be accepted.
+    vain: Hints<(u32, u32, Cycle)>,
+}
+
+/// Where a line lies.
+#[derive(Debug, Clone, Copy)]
+struct Place {
+    controller: usize,
+    bank: u32,
+    row: u32,
+}
+
+/// What became of a write.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Write {
+    /// When the write buffer took it.
+    pub(crate) accepted: Cycle,
+    /// When it is written.
+    pub(crate) written: Cycle,
 }
 
 /// All controllers.
-#[derive(Debug)]
+#[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Memory {
     row_miss_cycles: Cycle,
     row_hit_cycles: Cycle,
@@ -46,6 +72,8 @@ pub(crate) struct Memory {
     row_cycle_cycles: [Cycle; 2],
     /// Line times that a channel loses when it changes direction.
     turnaround_lines: u32,
+    /// Time that a line takes on a channel, rounded up.
+    burst_cycles: Cycle,
     /// Orders of the banks: steps from one row's bank to the next row's, prime to their number.
     strides: Vec<u64>,
     stride_count: Divisor,
@@ -55,25 +83,31 @@ pub(crate) struct Memory {
     banks: Divisor,
     controller_count: Divisor,
     controllers: Vec<Controller>,
+    /// When the bursts begin; those before the floor are left out when the list has doubled.
+    bursts: Vec<Cycle>,
+    prune_at: usize,
     pub(crate) counters: MemoryCounters,
 }
 
 impl Memory {
     pub(crate) fn new(spec: &MemorySpec) -> Memory {
         let longest = spec.row_cycle_cycles.max(spec.write_row_cycle_cycles);
-        let bank = || Bank { open_row: u32::MAX, open_since: 0, openings: Spans::new(longest) };
         let strides: Vec<u64> =
             (1..=u64::from(spec.banks)).filter(|s| gcd(*s, spec.banks.into()) == 1).collect();
         let controller = || Controller {
             channel: Slots::new(spec.line_interval_x256),
             wrote: false,
-            banks: (0..spec.banks).map(|_| bank()).collect(),
+            banks: vec![Bank { open_row: u32::MAX, open_since: 0 }; spec.banks as usize],
+            openings: Spans::new(spec.banks, longest),
+            writes: WriteBuffer::new(spec.write_buffer_lines),
+            vain: Hints::new(),
         };
         Memory {
             row_miss_cycles: spec.row_miss_cycles,
             row_hit_cycles: spec.row_hit_cycles,
             row_cycle_cycles: [spec.row_cycle_cycles, spec.write_row_cycle_cycles],
             turnaround_lines: spec.turnaround_lines,
+            burst_cycles: spec.line_interval_x256.div_ceil(256),
             stride_count: Divisor::new(strides.len() as u64),
             strides,
             frame_rows: Divisor::new(
@@ -83,6 +117,8 @@ impl Memory {
             banks: Divisor::new(spec.banks.into()),
             controller_count: Divisor::new(spec.controllers.into()),
             controllers: (0..spec.controllers).map(|_| controller()).collect(),
+            bursts: Vec::new(),
+            prune_at: 1024,
             counters: MemoryCounters::default(),
         }
     }
@@ -93,49 +129,125 @@ impl Memory {
         self.controller_count.div_rem(line.into()).1 as u32
     }
 
-    /// Reads a line; returns when it leaves the controller.
-    pub(crate) fn read(&mut self, line: u32, now: Cycle) -> Cycle {
+    /// Reads a line; returns when it leaves the controller. Nobody asks for times before `floor` from now on.
+    pub(crate) fn read(&mut self, line: u32, now: Cycle, floor: Cycle) -> Cycle {
         self.counters.reads += 1;
-        self.access(line, false, now)
+        let (burst, latency) = self.access(self.place(line), false, now, floor);
+        self.counters.wait_cycles += burst - now;
+        burst + latency
     }
 
-    /// Writes a line; returns when it is written.
-    pub(crate) fn write(&mut self, line: u32, now: Cycle) -> Cycle {
+    /// Writes a line that has arrived `now`; returns when the write buffer took it, and when it is written.
+    pub(crate) fn write(&mut self, line: u32, now: Cycle, floor: Cycle) -> Write {
         self.counters.writes += 1;
-        self.access(line, true, now)
+        let place = self.place(line);
+        if self.controllers[place.controller].writes.has_room(now, floor) {
+            let (burst, latency) = self.access(place, true, now, floor);
+            self.controllers[place.controller].writes.hold(now, burst + self.burst_cycles, floor);
+            self.counters.wait_cycles += burst - now;
+            return Write { accepted: now, written: burst + latency };
+        }
+        self.write_to_full(place, now, floor)
     }
 
-    fn access(&mut self, line: u32, write: bool, now: Cycle) -> Cycle {
-        self.counters.bytes += LINE_BYTES;
+    /// Writes a line whose write buffer may be full.
+    fn write_to_full(&mut self, place: Place, now: Cycle, floor: Cycle) -> Write {
+        // An entry is held until the burst is over, and it must be free all that time.
+        let controller = &self.controllers[place.controller];
+        let bank = controller.banks[place.bank as usize];
+        let since = if bank.open_row == place.row { bank.open_since } else { Cycle::MAX };
+        let turnaround = if controller.wrote { 0 } else { self.turnaround_lines };
+        let kind = (place.bank, turnaround, since);
+        let mut accepted = controller.vain.skip(kind, now);
+        let ends = loop {
+            let ends = self.burst_of_write(place, accepted) + self.burst_cycles;
+            match controller.writes.full(accepted, ends) {
+                Some(later) => accepted = controller.vain.skip(kind, later),
+                None => break ends,
+            }
+        };
+        let (burst, latency) = self.access(place, true, accepted, floor);
+        debug_assert_eq!(burst + self.burst_cycles, ends, "a write is served as was foretold");
+        let controller = &mut self.controllers[place.controller];
+        controller.writes.hold(accepted, ends, floor);
+        controller.vain.learn(kind, now, accepted, floor);
+        self.counters.wait_cycles += burst - now;
+        Write { accepted, written: burst + latency }
+    }
+
+    fn place(&self, line: u32) -> Place {
         let (within, controller) = self.controller_count.div_rem(line.into());
-        let controller = &mut self.controllers[controller as usize];
         let (row, _) = self.row_lines.div_rem(within);
         let (frame, _) = self.frame_rows.div_rem(row);
         let turned =
             row * self.strides[self.stride_count.div_rem(scattered(frame)).1 as usize] + scattered(!frame);
-        let bank = &mut controller.banks[self.banks.div_rem(turned).1 as usize];
-        let row = row as u32;
+        let bank = self.banks.div_rem(turned).1 as u32;
+        Place { controller: controller as usize, bank, row: row as u32 }
+    }
+
+    /// Takes bank and channel; returns when the burst begins, and the latency from there.
+    fn access(&mut self, at: Place, write: bool, now: Cycle, floor: Cycle) -> (Cycle, Cycle) {
+        self.counters.bytes += LINE_BYTES;
+        let controller = &mut self.controllers[at.controller];
+        let bank = &mut controller.banks[at.bank as usize];
         // The row.
-        let (opened, latency) = if bank.open_row == row {
+        let (opened, latency) = if bank.open_row == at.row {
             self.counters.row_hits += 1;
             (now.max(bank.open_since), self.row_hit_cycles)
         } else {
             self.counters.row_misses += 1;
-            bank.open_row = row;
-            bank.open_since = bank.openings.take(now, self.row_cycle_cycles[usize::from(write)]);
+            bank.open_row = at.row;
+            let cycles = self.row_cycle_cycles[usize::from(write)];
+            bank.open_since = controller.openings.take(at.bank, now, cycles, floor);
             (bank.open_since, self.row_miss_cycles)
         };
         // The channel, which pauses where it changes direction.
         if controller.wrote != write {
             controller.wrote = write;
             for _ in 0..self.turnaround_lines {
-                controller.channel.take(opened);
+                controller.channel.take(opened, floor);
             }
         }
         // The burst is part of the idle latency, so only the wait adds to it.
-        let burst = controller.channel.take(opened);
-        self.counters.wait_cycles += burst - now;
-        burst + latency
+        let burst = controller.channel.take(opened, floor);
+        if self.bursts.len() >= self.prune_at {
+            self.bursts.retain(|burst| *burst >= floor);
+            self.prune_at = 1024 + 2 * self.bursts.len();
+        }
+        self.bursts.push(burst);
+        (burst, latency)
+    }
+
+    /// When the burst of a write that is accepted `now` would begin, as [`Memory::access`] would say. Changes nothing.
+    fn burst_of_write(&self, at: Place, now: Cycle) -> Cycle {
+        let controller = &self.controllers[at.controller];
+        let bank = controller.banks[at.bank as usize];
+        let opened = if bank.open_row == at.row {
+            now.max(bank.open_since)
+        } else {
+            controller.openings.would_begin(at.bank, now, self.row_cycle_cycles[1])
+        };
+        let turnaround = if controller.wrote { 0 } else { self.turnaround_lines };
+        controller.channel.would_begin(opened, turnaround + 1)
+    }
+
+    /// Seeds a defect in all controllers.
+    #[cfg(test)]
+    pub(crate) fn seed(&mut self, fault: crate::laws::Fault) {
+        for controller in &mut self.controllers {
+            controller.channel.fault = Some(fault);
+            controller.writes.fault = Some(fault);
+        }
+    }
+
+    /// Lines whose burst begins at or after `from`, which is not before the floor.
+    pub(crate) fn lines_from(&self, from: Cycle) -> u64 {
+        self.bursts.iter().filter(|burst| **burst >= from).count() as u64
+    }
+
+    /// Most lines that all channels together move in `cycles` cycles in a row: rounded up, and one more for each channel.
+    pub(crate) fn peak_lines(&self, cycles: Cycle) -> u64 {
+        self.controllers.iter().map(|controller| controller.channel.peak(cycles)).sum()
     }
 }
 

@@ -2,133 +2,140 @@
 //!
 //! A link carries one slot a cycle. Here only the number of slots that it carries in each window of 32 cycles is kept, a
 //! byte a link, so that all links of a ride are looked at and taken in two words of the host. A message that finds a link of
-//! its ride full waits for the next window; below that nobody waits.
+//! its ride full waits for the next window; below that nobody waits. All links of a ride are taken in the window in which it
+//! boards.
 
-use super::{Loop, Place, legs, way};
+use super::{Boarding, way};
 use crate::Cycle;
-use crate::counters::RingCounters;
+use crate::pages::{Far, Hints, Marks, Near, far_from};
 
 /// Stops at most: a byte of two words for the link behind each.
 pub(super) const STOPS_MAX: u32 = 16;
 /// Cycles of a window, and slots that a link carries in it.
-const WINDOW: u64 = 32;
-/// Windows that are remembered: far past any backlog that finite MSHRs can build.
-const WINDOWS: u64 = 64;
+pub(super) const WINDOW: Cycle = 32;
 /// What the bytes start with, so that the top bit of each tells that the link is full.
-const EMPTY: [u64; 2] = [u64::MAX / 255 * (128 - WINDOW); 2];
+const EMPTY: u64 = u64::MAX / 255 * (128 - WINDOW);
 
-/// All links of all rings.
-#[derive(Debug)]
+/// Links of rings of up to [`STOPS_MAX`] stops.
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Counts {
-    cores: usize,
-    /// The ways that a message takes from each core to each other, row by row; behind the last, [`END`].
-    routes: Vec<[u16; LEGS_MAX + 1]>,
-    /// The ways from each stop of a ring to each other, row by row, ring by ring.
+    /// The ways from each stop to each other, row by row, for each size and speed of ring.
     ways: Vec<CountedWay>,
-    /// By ring, lane and direction.
-    links: Vec<Links>,
+    /// By ring, lane and direction; near windows.
+    links: Vec<Near<Taken, 64>>,
+    far: Far<Taken>,
+    /// By row of `links` and ride: windows in which a link of the ride is full.
+    full: Hints<(u32, Ride)>,
+    #[cfg(test)]
+    pub(super) fault: Option<crate::laws::Fault>,
 }
 
-/// Rings that a message rides on at most.
-const LEGS_MAX: usize = 3;
-/// No way.
-const END: u16 = u16::MAX;
-
 /// The shortest way from a stop to another; by parity of the cycle, which decides between two that are as short.
-#[derive(Debug)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 struct CountedWay {
     rides: [Ride; 2],
-    /// The place of its links, for lane 0.
-    links: [u32; 2],
+    directions: [u8; 2],
     hops: u32,
     ride_cycles: u32,
 }
 
 impl Counts {
-    /// For cores at `places`; the last of the `loops` is the ring of rings.
-    pub(super) fn new(places: &[Place], loops: &[Loop], lanes: usize) -> Counts {
-        let (mut ways, mut links, mut first_ways) = (Vec::new(), Vec::new(), Vec::new());
-        for &Loop { stops, hop_cycles } in loops {
-            let first_links = links.len() as u32;
-            let counted = |from: u32, to: u32| {
-                let way = way(stops, from, to);
-                // Link l joins stop l and the next.
-                let ride = |direction| match direction {
-                    0 => Ride::new(from, way.hops, stops),
-                    _ => Ride::new(from + stops - way.hops, way.hops, stops),
-                };
-                CountedWay {
-                    rides: way.directions.map(ride),
-                    links: way.directions.map(|direction| first_links + u32::from(direction)),
-                    hops: way.hops,
-                    ride_cycles: way.hops * hop_cycles,
-                }
+    pub(super) const fn new() -> Counts {
+        Counts {
+            ways: Vec::new(),
+            links: Vec::new(),
+            far: Far::new(),
+            full: Hints::new(),
+            #[cfg(test)]
+            fault: None,
+        }
+    }
+
+    /// Adds the links of a ring of so many lanes; returns the first.
+    pub(super) fn add_links(&mut self, lanes: usize) -> u32 {
+        let first = self.links.len();
+        self.links.resize(first + 2 * lanes, Near::EMPTY);
+        first as u32
+    }
+
+    /// Adds the ways on a ring of `stops`; returns the first. Rings that are alike share them.
+    pub(super) fn add_ways(&mut self, stops: u32, hop_cycles: u32) -> u32 {
+        let first = self.ways.len();
+        let counted = |from: u32, to: u32| {
+            let way = way(stops, from, to);
+            // Link l joins stop l and the next.
+            let ride = |direction| match direction {
+                0 => Ride::new(from, way.hops, stops),
+                _ => Ride::new(from + stops - way.hops, way.hops, stops),
             };
-            first_ways.push(ways.len() as u32);
-            ways.extend((0..stops).flat_map(|from| (0..stops).map(move |to| counted(from, to))));
-            links.extend((0..2 * lanes).map(|_| Links::EMPTY));
-        }
-        let route = |from: Place, to: Place| {
-            let (mut route, mut count) = ([END; LEGS_MAX + 1], 0);
-            legs(loops.len() - 1, from, to, 0, |ring, from, to, now| {
-                if from != to {
-                    route[count] = (first_ways[ring] + from * loops[ring].stops + to) as u16;
-                    count += 1;
-                }
-                now
-            });
-            route
+            CountedWay {
+                rides: way.directions.map(ride),
+                directions: way.directions,
+                hops: way.hops,
+                ride_cycles: way.hops * hop_cycles,
+            }
         };
-        let routes = places.iter().flat_map(|from| places.iter().map(|to| route(*from, *to))).collect();
-        Counts { cores: places.len(), routes, ways, links }
+        self.ways.extend((0..stops).flat_map(|from| (0..stops).map(move |to| counted(from, to))));
+        first as u32
     }
 
-    /// Takes a message of `slots` slots of a lane from one core to another; returns when it has arrived whole.
+    /// Takes a message of `slots` slots along a way on the links from `links` on, up and down; returns when its last
+    /// slot boards, and the ride.
     #[inline(always)]
-    pub(super) fn carry(
-        &mut self,
-        from: u32,
-        to: u32,
-        lane: usize,
-        slots: u32,
-        now: Cycle,
-        counters: &mut RingCounters,
-    ) -> Cycle {
-        let route = &self.routes[from as usize * self.cores + to as usize];
-        let (mut now, mut leg) = (now, 0);
-        // The end of a route is no way.
-        while let Some(way) = self.ways.get(usize::from(route[leg])) {
-            now = ride(way, &mut self.links, 2 * lane, slots, now, counters);
-            leg += 1;
+    pub(super) fn ride(&mut self, way: u32, links: u32, slots: u32, now: Cycle, floor: Cycle) -> Boarding {
+        let way = &self.ways[way as usize];
+        let parity = (now & 1) as usize;
+        let (ride, ride_cycles, hops) = (way.rides[parity], way.ride_cycles.into(), way.hops);
+        let row = links + u32::from(way.directions[parity]);
+        let mut board = self.board(row, ride, now, floor);
+        for _ in 1..slots {
+            board = self.board(row, ride, board + 1, floor);
         }
-        now
+        Boarding { board, ride_cycles, hops }
     }
-}
 
-/// Takes a message along one ring.
-#[inline(always)]
-fn ride(
-    way: &CountedWay,
-    links: &mut [Links],
-    lane: usize,
-    slots: u32,
-    now: Cycle,
-    counters: &mut RingCounters,
-) -> Cycle {
-    let parity = (now & 1) as usize;
-    let links = &mut links[way.links[parity] as usize + lane];
-    let ride = &way.rides[parity];
-    let mut board = now;
-    if !links.take(now / WINDOW, ride, slots) {
-        board = links.wait(now / WINDOW, ride, slots);
-        counters.wait_cycles += board - now;
+    /// Takes one slot of each link of a ride.
+    #[inline(always)]
+    fn board(&mut self, row: u32, ride: Ride, now: Cycle, floor: Cycle) -> Cycle {
+        let links = &mut self.links[row as usize];
+        match links.here(now / WINDOW, || floor / WINDOW, &self.far) {
+            Some(taken) if taken.has_room(ride) => {
+                taken.add(ride);
+                now
+            }
+            _ => self.wait(row, ride, now, floor),
+        }
     }
-    counters.slot_hops += u64::from(slots * way.hops);
-    board + u64::from(slots - 1 + way.ride_cycles)
+
+    /// The same where the first window is full or not at hand.
+    #[inline(never)]
+    fn wait(&mut self, row: u32, ride: Ride, now: Cycle, floor: Cycle) -> Cycle {
+        let (wanted, floor) = (now / WINDOW, floor / WINDOW);
+        let links = &mut self.links[row as usize];
+        let mut window = self.full.skip((row, ride), wanted);
+        while !links.get(row, window, &self.far).has_room(ride) {
+            window = self.full.skip((row, ride), window + 1);
+        }
+        links.page(row, window, floor, &mut self.far).add(ride);
+        self.full.learn((row, ride), wanted, window, floor);
+        #[cfg(test)]
+        if self.fault == Some(crate::laws::Fault::LinksForget) {
+            self.far.clear();
+            self.full = Hints::new();
+        }
+        now.max(window * WINDOW)
+    }
+
+    /// Slots of all links that are taken in the window of cycle `from` and later.
+    pub(super) fn taken_from(&self, from: Cycle) -> u64 {
+        let first = from / WINDOW;
+        let near = self.links.iter().flat_map(|links| links.from(first));
+        near.chain(far_from(&self.far, first)).map(|page| page.marks.sum()).sum()
+    }
 }
 
 /// Links that a message passes: the top bit of the byte of each.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Ride([u64; 2]);
 
 impl Ride {
@@ -142,45 +149,27 @@ impl Ride {
     }
 }
 
-/// Slots taken on all links of one direction of one ring, by window modulo [`WINDOWS`].
-#[derive(Debug)]
-struct Links([Word; WINDOWS as usize]);
+/// Slots taken in one window on all links of one direction of one ring, above [`EMPTY`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Taken([u64; 2]);
 
-#[derive(Debug, Clone, Copy)]
-#[repr(align(32))]
-struct Word {
-    counts: [u64; 2],
-    /// Which window this is; older ones are forgotten.
-    window: u64,
+impl Marks for Taken {
+    const NONE: Taken = Taken([EMPTY; 2]);
 }
 
-impl Links {
-    const EMPTY: Links = Links([Word { counts: EMPTY, window: 0 }; WINDOWS as usize]);
-
-    /// Takes `slots` slots of all links of `ride` in a window, unless one of them is full.
+impl Taken {
     #[inline(always)]
-    fn take(&mut self, window: u64, Ride(ride): &Ride, slots: u32) -> bool {
-        let word = &mut self.0[(window % WINDOWS) as usize];
-        if word.window != window {
-            if word.window > window {
-                // Older than what is remembered.
-                return true;
-            }
-            *word = Word { counts: EMPTY, window };
-        }
-        let free = (word.counts[0] & ride[0]) | (word.counts[1] & ride[1]) == 0;
-        if free {
-            word.counts[0] += (ride[0] >> 7) * u64::from(slots);
-            word.counts[1] += (ride[1] >> 7) * u64::from(slots);
-        }
-        free
+    fn has_room(self, Ride(ride): Ride) -> bool {
+        (self.0[0] & ride[0]) | (self.0[1] & ride[1]) == 0
     }
 
-    /// Takes them in the first window behind `full` in which no link of the ride is; returns when it begins.
-    #[inline(never)]
-    fn wait(&mut self, full: u64, ride: &Ride, slots: u32) -> Cycle {
-        let last = full + WINDOWS - 1;
-        let window = (full + 1..last).find(|window| self.take(*window, ride, slots));
-        window.unwrap_or(last) * WINDOW
+    #[inline(always)]
+    fn add(&mut self, Ride(ride): Ride) {
+        self.0[0] += ride[0] >> 7;
+        self.0[1] += ride[1] >> 7;
+    }
+
+    fn sum(self) -> u64 {
+        self.0.iter().flat_map(|word| (word - EMPTY).to_le_bytes()).map(u64::from).sum()
     }
 }

@@ -22,6 +22,7 @@ use crate::config::{MachineSpec, RingSpec};
 use crate::counters::RingCounters;
 use belt::Belt;
 use links::Counts;
+use std::collections::BTreeMap;
 
 /// Bytes of a request or acknowledgement, for the counters.
 const SHORT_BYTES: u64 = 8;
@@ -37,11 +38,32 @@ pub(crate) enum Message {
     Line,
 }
 
-/// Which tracks of a ring a kind of message takes, in turns.
-#[derive(Debug, Clone, Copy)]
+/// What became of a message.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Sent {
+    /// When it has arrived whole.
+    pub(crate) at: Cycle,
+    /// Cycles of that in which it waited for slots.
+    pub(crate) waited: Cycle,
+}
+
+/// Which lanes of a ring a kind of message takes, in turns.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Lanes {
-    first: usize,
-    count: u64,
+    first: u32,
+    count: u32,
+    /// Whose turn it is.
+    turn: u32,
+}
+
+impl Lanes {
+    /// The next lane.
+    #[inline(always)]
+    fn next(&mut self) -> u32 {
+        let lane = self.first + self.turn;
+        self.turn = if self.turn + 1 == self.count { 0 } else { self.turn + 1 };
+        lane
+    }
 }
 
 /// Where a core sits.
@@ -52,19 +74,20 @@ struct Place {
 }
 
 /// One ring, or the ring of rings.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Loop {
     stops: u32,
     hop_cycles: u32,
+    track: Track,
 }
 
-/// How the slots of the rings are kept.
-#[derive(Debug)]
-enum Tracks {
-    /// Every slot, by ring, lane and direction: `cycle`, and rings with too many stops for the other way.
-    Slots(Vec<Belt>),
-    /// How many in a window: `windowed`.
-    Counts(Counts),
+/// How the slots of a ring are kept.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Track {
+    /// Every slot, on belts of its own, of which this is the first: `cycle`, and rings with too many stops for the other way.
+    Slots(u32),
+    /// How many in a window: `windowed`. The first of its ways and the first of its links.
+    Counts(u32, u32),
 }
 
 /// The shortest way from a stop to another.
@@ -76,7 +99,7 @@ struct Way {
 }
 
 /// All rings.
-#[derive(Debug)]
+#[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Rings {
     spec: RingSpec,
     /// By core.
@@ -86,13 +109,21 @@ pub(crate) struct Rings {
     tracks: Tracks,
     /// Slots that a message takes, by kind.
     slots: [u32; 3],
-    /// Tracks that it takes, by kind.
+    /// Lanes that it takes, by kind.
     lanes: [Lanes; 3],
     /// Lanes of each ring.
-    lane_count: usize,
+    lane_count: u32,
     /// Lines sent.
     lines: u64,
     counters: RingCounters,
+}
+
+/// The slots of all rings.
+#[derive(Debug, Clone, PartialEq)]
+struct Tracks {
+    /// By ring, lane and direction.
+    belts: Vec<Belt>,
+    counts: Counts,
 }
 
 /// The shortest way on a ring of `stops`.
@@ -110,33 +141,41 @@ impl Rings {
         let size = |ring: u32| first_core(spec.cores, rings, ring + 1) - first_core(spec.cores, rings, ring);
         // One lane for lines, then those for addresses, then those for acknowledgements.
         let (address, acknowledge) = (spec.ring.address_rings, spec.ring.acknowledge_rings);
-        let count = 1 + address + acknowledge;
-        let addresses = Lanes { first: 1, count: address.into() };
+        let lane_count = 1 + address + acknowledge;
+        let addresses = Lanes { first: 1, count: address, turn: 0 };
         let acknowledges = match acknowledge {
             0 => addresses,
-            _ => Lanes { first: 1 + address as usize, count: acknowledge.into() },
+            count => Lanes { first: 1 + address, count, turn: 0 },
         };
-        let lanes = [addresses, acknowledges, Lanes { first: 0, count: 1 }];
+        let lanes = [addresses, acknowledges, Lanes { first: 0, count: 1, turn: 0 }];
         let places: Vec<Place> =
             (0..rings).flat_map(|ring| (0..size(ring)).map(move |stop| Place { ring, stop })).collect();
+
+        // The tracks of each ring, and of the ring of rings.
         let cycles = |cycles| u32::try_from(cycles).expect("validated: far below 2^32 cycles");
-        let mut loops: Vec<Loop> = (0..rings)
-            .map(|ring| Loop { stops: size(ring), hop_cycles: cycles(spec.ring.hop_cycles) })
-            .collect();
-        loops.push(Loop { stops: rings, hop_cycles: cycles(spec.ring.crossing_cycles) });
-        let lane_count = count as usize;
-        let tracks = if exact || loops.iter().any(|ring| ring.stops > links::STOPS_MAX) {
-            // Links are pipelined: between two stops there are as many slots as a hop has cycles.
-            let belts =
-                |ring: &Loop| (0..2 * lane_count).map(|_| Belt::new(ring.stops * ring.hop_cycles)).collect();
-            Tracks::Slots(loops.iter().flat_map::<Vec<Belt>, _>(belts).collect())
-        } else {
-            Tracks::Counts(Counts::new(&places, &loops, lane_count))
-        };
+        let (hop_cycles, crossing_cycles) = (cycles(spec.ring.hop_cycles), cycles(spec.ring.crossing_cycles));
+        let ring_sizes = (0..rings).map(|ring| (size(ring), hop_cycles));
+        let mut tracks = Tracks { belts: Vec::new(), counts: Counts::new() };
+        let mut ways = BTreeMap::new();
+        let loops = ring_sizes.chain([(rings, crossing_cycles)]).map(|(stops, hop_cycles)| {
+            let track = if exact || stops > links::STOPS_MAX {
+                let first = tracks.belts.len();
+                // Links are pipelined: between two stops there are as many slots as a hop has cycles.
+                let belts = (0..2 * lane_count).map(|_| Belt::new(stops * hop_cycles));
+                tracks.belts.extend(belts);
+                Track::Slots(first as u32)
+            } else {
+                let counts = &mut tracks.counts;
+                let ways =
+                    *ways.entry((stops, hop_cycles)).or_insert_with(|| counts.add_ways(stops, hop_cycles));
+                Track::Counts(ways, counts.add_links(lane_count as usize))
+            };
+            Loop { stops, hop_cycles, track }
+        });
         Rings {
             spec: spec.ring.clone(),
             places,
-            loops,
+            loops: loops.collect(),
             tracks,
             slots: [1, 1, spec.ring.line_slots],
             lanes,
@@ -146,36 +185,64 @@ impl Rings {
         }
     }
 
-    /// Sends a message from the stop of one core to that of another; returns when it has arrived whole.
+    /// Sends a message from the stop of one core to that of another. Nobody sends before `floor` from now on.
     #[inline]
-    pub(crate) fn send(&mut self, from: u32, to: u32, message: Message, now: Cycle) -> Cycle {
+    pub(crate) fn send(&mut self, from: u32, to: u32, message: Message, now: Cycle, floor: Cycle) -> Sent {
+        debug_assert!(floor <= now, "asked for {now}, which lies before the floor, {floor}");
         if from == to || self.spec.free {
             self.counters.local += 1;
-            return now;
+            return Sent { at: now, waited: 0 };
+        }
+        let slots = self.slots[message as usize];
+        let lane = self.lanes[message as usize].next();
+        let (mut waited, mut hops, mut at) = (0, 0, now);
+        let (legs, count) = legs(self.loops.len() - 1, self.places[from as usize], self.places[to as usize]);
+        for &Leg { ring, from, to } in &legs[..count] {
+            if from != to {
+                let ring = &self.loops[ring];
+                let ride = self.tracks.ride(ring, lane, from, to, slots, at, floor);
+                // All slots could be had one after the other from the first cycle on: the rest is waiting.
+                waited += ride.board - at - u64::from(slots - 1);
+                hops += ride.hops;
+                at = ride.board + ride.ride_cycles;
+            }
         }
         self.counters.messages += 1;
         self.lines += u64::from(message == Message::Line);
-        let slots = self.slots[message as usize];
-        let Lanes { first, count } = self.lanes[message as usize];
-        let lane = if count == 1 { first } else { first + (self.counters.messages % count) as usize };
-        let counters = &mut self.counters;
-        match &mut self.tracks {
-            Tracks::Counts(counts) => counts.carry(from, to, lane, slots, now, counters),
-            Tracks::Slots(belts) => {
-                let (from, to) = (self.places[from as usize], self.places[to as usize]);
-                let carry = |ring: usize, from, to, now| {
-                    let belts = &mut belts[2 * (ring * self.lane_count + lane)..][..2];
-                    self.loops[ring].carry(belts, from, to, slots, now, counters)
-                };
-                legs(self.loops.len() - 1, from, to, now, carry)
-            }
-        }
+        self.counters.slot_hops += u64::from(slots * hops);
+        self.counters.wait_cycles += waited;
+        Sent { at, waited }
     }
 
-    /// Cycles that messages have waited for slots so far.
-    #[inline(always)]
-    pub(crate) fn wait_cycles(&self) -> Cycle {
-        self.counters.wait_cycles
+    /// Slots of links, one a hop, that are taken in cycles from `from` on, which is not before the floor.
+    ///
+    /// Where slots are counted in windows, a ride belongs whole to the window in which it boards, and the window of `from`
+    /// counts whole: too many by at most 32 a link, too few by what rides that boarded in earlier windows have still to go.
+    /// Where every slot is known, each counts in the cycle in which it is on its link, a started hop as a hop.
+    pub(crate) fn slot_hops_from(&self, from: Cycle) -> u64 {
+        let belts_of = |ring: &Loop| match ring.track {
+            Track::Slots(first) => {
+                let belts = self.tracks.belts[first as usize..].iter().take(2 * self.lane_count as usize);
+                belts.map(|belt| belt.taken_from(from)).sum::<u64>().div_ceil(ring.hop_cycles.into())
+            }
+            Track::Counts(..) => 0,
+        };
+        self.tracks.counts.taken_from(from) + self.loops.iter().map(belts_of).sum::<u64>()
+    }
+
+    /// Most slots of links, one a hop, that all lanes of all rings carry in `cycles` cycles in a row. Rounded up: by one
+    /// cycle, and where slots are counted in windows to whole windows and one more.
+    pub(crate) fn peak_slot_hops(&self, cycles: Cycle) -> u64 {
+        let peak = |ring: &Loop| {
+            let of_link = match ring.track {
+                Track::Slots(_) => cycles + 1,
+                Track::Counts(..) => (cycles.div_ceil(links::WINDOW) + 1) * links::WINDOW,
+            };
+            // A ring of one stop has no links.
+            let links = if ring.stops == 1 { 0 } else { 2 * self.lane_count * ring.stops };
+            u64::from(links) * of_link
+        };
+        self.loops.iter().map(peak).sum()
     }
 
     /// Gives out what was counted since the last time.
@@ -195,58 +262,76 @@ impl Rings {
             Message::Address | Message::Acknowledge => 0,
             Message::Line => u64::from(self.spec.line_slots - 1),
         };
-        let leg = |ring: usize, from, to, now| match way(self.loops[ring].stops, from, to).hops {
-            0 => now,
-            hops => now + u64::from(hops * self.loops[ring].hop_cycles) + tail,
+        let (legs, count) = legs(self.loops.len() - 1, self.places[from as usize], self.places[to as usize]);
+        let cycles = |leg: &Leg| match way(self.loops[leg.ring].stops, leg.from, leg.to).hops {
+            0 => 0,
+            hops => u64::from(hops * self.loops[leg.ring].hop_cycles) + tail,
         };
-        legs(self.loops.len() - 1, self.places[from as usize], self.places[to as usize], 0, leg)
+        legs[..count].iter().map(cycles).sum()
     }
 }
 
-/// Has a message go from place to place: on one ring, or by the ring of rings, `bridge`, from one to another. `carry` takes it
-/// along a ring from stop to stop, when it is there, and returns when it has arrived.
+/// A part of the way of a message: along one ring, from stop to stop.
+#[derive(Debug, Clone, Copy)]
+struct Leg {
+    ring: usize,
+    from: u32,
+    to: u32,
+}
+
+/// When the last slot of a message boards a ring, and its ride.
+#[derive(Debug, Clone, Copy)]
+struct Boarding {
+    board: Cycle,
+    ride_cycles: Cycle,
+    hops: u32,
+}
+
+/// How a message goes from place to place, and in how many legs: on one ring, or by the ring of rings, `bridge`, from one to
+/// another.
 #[inline(always)]
-fn legs(
-    bridge: usize,
-    from: Place,
-    to: Place,
-    now: Cycle,
-    mut carry: impl FnMut(usize, u32, u32, Cycle) -> Cycle,
-) -> Cycle {
+fn legs(bridge: usize, from: Place, to: Place) -> ([Leg; 3], usize) {
+    let leg = |ring, from, to| Leg { ring, from, to };
     if from.ring == to.ring {
-        return carry(from.ring as usize, from.stop, to.stop, now);
+        let only = leg(from.ring as usize, from.stop, to.stop);
+        return ([only; 3], 1);
     }
-    let out = carry(from.ring as usize, from.stop, 0, now);
-    let across = carry(bridge, from.ring, to.ring, out);
-    carry(to.ring as usize, 0, to.stop, across)
+    let out = leg(from.ring as usize, from.stop, 0);
+    let across = leg(bridge, from.ring, to.ring);
+    ([out, across, leg(to.ring as usize, 0, to.stop)], 3)
 }
 
-impl Loop {
-    /// Takes a message of `slots` slots from a stop to another, on the `belts` of its lane, up and down.
+impl Tracks {
+    /// Takes a message of `slots` slots along a ring from a stop to another; returns when its last slot boards, and the
+    /// ride.
     #[inline(always)]
-    fn carry(
-        self,
-        belts: &mut [Belt],
+    #[expect(clippy::too_many_arguments, reason = "inlined into the one place that carries a message")]
+    fn ride(
+        &mut self,
+        ring: &Loop,
+        lane: u32,
         from: u32,
         to: u32,
         slots: u32,
         now: Cycle,
-        counters: &mut RingCounters,
-    ) -> Cycle {
-        let way = way(self.stops, from, to);
-        if way.hops == 0 {
-            return now;
+        floor: Cycle,
+    ) -> Boarding {
+        match ring.track {
+            Track::Counts(ways, links) => {
+                self.counts.ride(ways + from * ring.stops + to, links + 2 * lane, slots, now, floor)
+            }
+            Track::Slots(belts) => {
+                let way = way(ring.stops, from, to);
+                let direction = usize::from(way.directions[(now & 1) as usize]);
+                let belt = &mut self.belts[(belts + 2 * lane) as usize + direction];
+                let (from, ride) = (from * ring.hop_cycles, way.hops * ring.hop_cycles);
+                let mut board = belt.board(from, ride, direction, now, floor);
+                for _ in 1..slots {
+                    board = belt.board(from, ride, direction, board + 1, floor);
+                }
+                Boarding { board, ride_cycles: ride.into(), hops: way.hops }
+            }
         }
-        let direction = usize::from(way.directions[(now & 1) as usize]);
-        let ride_cycles = way.hops * self.hop_cycles;
-        let mut board = belts[direction].board(from * self.hop_cycles, ride_cycles, direction, now);
-        for _ in 1..slots {
-            board = belts[direction].board(from * self.hop_cycles, ride_cycles, direction, board + 1);
-        }
-        counters.slot_hops += u64::from(slots * way.hops);
-        // All slots could be had one after the other from the first cycle on: the rest is waiting.
-        counters.wait_cycles += board - now - u64::from(slots - 1);
-        board + u64::from(ride_cycles)
     }
 }
 

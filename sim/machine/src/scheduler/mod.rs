@@ -1,7 +1,8 @@
 //! Who runs which task, and the barrier behind the last.
 //!
 //! Tasks are numbered; a thread that has none adds a chunk's length to the counter, a line in the arena that moves from
-//! core to core through the same protocol as any other ([`TaskCounter::take`]). The chunk is `remaining / (2 · threads)`,
+//! core to core through the same protocol as any other: its core times that, and the uncore says which tasks it got
+//! ([`TaskCounter::take`]), in the order in which threads asked. The chunk is `remaining / (2 · threads)`,
 //! at least 1 and at most `chunk_tasks_max`: as a step runs out, chunks shrink, so that nobody is left with a long one.
 //!
 //! A step wakes as many hardware threads as it has tasks, first one on every core, then a second, and so on: threads that
@@ -11,11 +12,8 @@
 mod tests;
 
 use crate::Cycle;
-use crate::coherence::Hierarchy;
 use crate::config::MachineSpec;
-use crate::core::locked;
 use crate::ring::{Message, Rings};
-use lrbsim_isa::arena::TASK_COUNTER_LINE;
 use std::ops::Range;
 
 /// The task counter of a step.
@@ -33,11 +31,6 @@ impl TaskCounter {
         TaskCounter { next: 0, tasks, threads, chunk_tasks_max: spec.chunk_tasks_max }
     }
 
-    /// A counter of no tasks.
-    pub(crate) fn empty() -> TaskCounter {
-        TaskCounter { next: 0, tasks: 0, threads: 1, chunk_tasks_max: 1 }
-    }
-
     /// The next chunk; empty at the end.
     pub(crate) fn take(&mut self) -> Range<u32> {
         let remaining = self.tasks - self.next;
@@ -45,22 +38,6 @@ impl TaskCounter {
         let first = self.next;
         self.next += chunk;
         first..self.next
-    }
-}
-
-/// What a locked add on the task counter costs `core` at `now`: returns when its thread can start on what it got.
-pub(crate) fn pull(hierarchy: &mut Hierarchy, core: usize, now: Cycle) -> Cycle {
-    if hierarchy.spec.ideal.queue {
-        return now;
-    }
-    hierarchy.atomics.task_pulls += 1;
-    let (atomic, hit) = (hierarchy.spec.atomic_cycles, hierarchy.spec.l1d.hit_cycles);
-    let mut at = now;
-    loop {
-        match locked(hierarchy, core, TASK_COUNTER_LINE.0, atomic, hit, at) {
-            Ok(access) => return access.ready.at() + hierarchy.spec.dispatch_cycles,
-            Err(retry) => at = retry,
-        }
     }
 }
 
