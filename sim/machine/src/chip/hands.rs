@@ -17,6 +17,18 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 /// Windows in which fewer cores act are run by the calling thread: waking the others costs more.
 const CORES_FOR_CREW: usize = 4;
 
+/// Times that a host thread gives its processor away in a window before another counts as late: far more than a window lasts.
+const YIELDS_MAX: u32 = 64;
+
+/// Windows with somebody late, less those without, before the crew is left to itself for a while.
+const LATE_MAX: u32 = 8;
+
+/// Windows that the captain then runs alone.
+const WINDOWS_ALONE: u32 = 2_000;
+
+/// Times that a host thread gives its processor away before it sleeps between two looks.
+const YIELDS_AWAKE_MAX: u32 = 2_000;
+
 /// What runs cores and records tasks.
 pub(super) trait Hands {
     /// Runs every core that takes part from `start` to before `end`.
@@ -151,22 +163,34 @@ impl<'a> Crew<'a> {
         self.epoch.fetch_add(1, Ordering::Release);
     }
 
-    /// Waits for the others to end it.
-    fn wait(&self) {
+    /// Waits for the others to end it; returns how often it gave its processor away meanwhile.
+    fn wait(&self) -> u32 {
         let others = self.groups.len() - 1;
         wait_until(|| {
             assert!(!self.failed.load(Ordering::Relaxed), "a host thread of the chip has failed");
             self.done.load(Ordering::Acquire) == others
-        });
+        })
     }
 }
 
 /// The calling thread and its crew, which is dismissed at the end.
-pub(super) struct Captain<'a>(pub(super) &'a Crew<'a>);
+pub(super) struct Captain<'a> {
+    crew: &'a Crew<'a>,
+    /// Windows, of the last few, in which somebody came late.
+    late: u32,
+    /// Windows that it runs alone before it calls the crew again.
+    alone: u32,
+}
+
+impl<'a> Captain<'a> {
+    pub(super) fn new(crew: &'a Crew<'a>) -> Captain<'a> {
+        Captain { crew, late: 0, alone: 0 }
+    }
+}
 
 impl Drop for Captain<'_> {
     fn drop(&mut self) {
-        self.0.begin(Job::Stop);
+        self.crew.begin(Job::Stop);
     }
 }
 
@@ -174,17 +198,26 @@ impl Hands for Captain<'_> {
     fn run_window(&mut self, cores: &mut Cores, tables: &CoreTables, start: Cycle, end: Cycle) {
         let mut acting = 0;
         cores.each_active(|core| acting += usize::from(core.wake < end));
-        if acting < CORES_FOR_CREW {
+        if acting < CORES_FOR_CREW || self.alone > 0 {
+            self.alone = self.alone.saturating_sub(1);
             return Alone.run_window(cores, tables, start, end);
         }
         let groups = cores.groups();
-        for (lent, group) in self.0.groups.iter().zip(groups.iter_mut()) {
+        for (lent, group) in self.crew.groups.iter().zip(groups.iter_mut()) {
             std::mem::swap(&mut *lock(lent), group);
         }
-        self.0.begin(Job::Window { start, end });
-        self.0.run(0, start, end);
-        self.0.wait();
-        for (lent, group) in self.0.groups.iter().zip(groups.iter_mut()) {
+        self.crew.begin(Job::Window { start, end });
+        self.crew.run(0, start, end);
+        // On a host that has other work too, windows wait for threads that have no processor. Who runs a core changes nothing.
+        if self.crew.wait() > YIELDS_MAX {
+            self.late += 1;
+            if self.late > LATE_MAX {
+                (self.late, self.alone) = (0, WINDOWS_ALONE);
+            }
+        } else {
+            self.late = self.late.saturating_sub(1);
+        }
+        for (lent, group) in self.crew.groups.iter().zip(groups.iter_mut()) {
             std::mem::swap(&mut *lock(lent), group);
         }
     }
@@ -194,18 +227,18 @@ impl Hands for Captain<'_> {
         if count < 2 {
             return false;
         }
-        let share = count.div_ceil(self.0.recorded.len());
-        for recorded in &self.0.recorded {
+        let share = count.div_ceil(self.crew.recorded.len());
+        for recorded in &self.crew.recorded {
             let (_, spare, _) = &mut *lock(recorded);
             let from = step.spare.len() - share.saturating_sub(spare.len()).min(step.spare.len());
             spare.extend(step.spare.drain(from..));
         }
-        self.0.next_task.store(tasks.start, Ordering::Relaxed);
-        self.0.begin(Job::Record { end: tasks.end });
-        self.0.record_some(0, tasks.end);
-        self.0.wait();
+        self.crew.next_task.store(tasks.start, Ordering::Relaxed);
+        self.crew.begin(Job::Record { end: tasks.end });
+        self.crew.record_some(0, tasks.end);
+        self.crew.wait();
         let (mut streams, mut tally) = (Vec::with_capacity(count), Tally::default());
-        for recorded in &self.0.recorded {
+        for recorded in &self.crew.recorded {
             let (some, spare, counts) = &mut *lock(recorded);
             streams.append(some);
             step.spare.append(spare);
@@ -233,10 +266,18 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Waits until `is_so`, at first with the processor, since windows are short.
-fn wait_until(mut is_so: impl FnMut() -> bool) {
+/// Waits until `is_so`, at first with the processor, since windows are short; returns how often it gave that away.
+fn wait_until(mut is_so: impl FnMut() -> bool) -> u32 {
     let backoff = Backoff::new();
+    let mut yields = 0;
     while !is_so() {
         backoff.snooze();
+        if backoff.is_completed() {
+            yields += 1;
+            if yields > YIELDS_AWAKE_MAX {
+                std::thread::sleep(std::time::Duration::from_micros(50));
+            }
+        }
     }
+    yields
 }

@@ -143,7 +143,7 @@ impl Chip {
         if host_threads > 1 {
             let crew = Crew::new(&self.tables, tasks, active as usize, self.host_threads);
             std::thread::scope(|scope| {
-                let mut captain = Captain(&crew);
+                let mut captain = Captain::new(&crew);
                 for number in 1..self.host_threads {
                     let crew = &crew;
                     scope.spawn(move || crew.work(number));

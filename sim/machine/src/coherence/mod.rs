@@ -7,9 +7,9 @@
 //!                          └──read──► controller ──line──► requester
 //! ```
 //!
-//! [`transition`] says what happens; [`Uncore`] says what it costs. A transaction is a chain of legs ([`Leg`]), each of which
+//! [`transition`] says what happens; `Uncore` says what it costs. A transaction is a chain of legs (`Leg`), each of which
 //! asks one shared resource. `windowed` times the chain of one request whole before it looks at the next; `cycle` keeps all
-//! legs in an [`Agenda`], so that every resource is asked in the order of time.
+//! legs in an agenda, so that every resource is asked in the order of time.
 
 mod agenda;
 mod directory;
