@@ -7,7 +7,7 @@ use super::cores::{Cores, Group};
 use super::step::{Step, Tally};
 use crate::Cycle;
 use crate::core::CoreTables;
-use crossbeam_utils::{Backoff, CachePadded};
+use crossbeam_utils::CachePadded;
 use lrbsim_isa::program::TaskSource;
 use lrbsim_isa::stream::Stream;
 use std::ops::Range;
@@ -17,17 +17,19 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 /// Windows in which fewer cores act are run by the calling thread: waking the others costs more.
 const CORES_FOR_CREW: usize = 4;
 
-/// Times that a host thread gives its processor away in a window before another counts as late: far more than a window lasts.
-const YIELDS_MAX: u32 = 64;
+/// Looks that a host thread takes before it gives its processor away: a few times as long as a window lasts. On a host that has
+/// other work, that may be for thousands of windows.
+const SPINS_MAX: u32 = 5_000;
 
-/// Windows with somebody late, less those without, before the crew is left to itself for a while.
-const LATE_MAX: u32 = 8;
+/// Windows with somebody late before the crew is left to itself for a while; a hundred without make good for one.
+const LATE_MAX: u32 = 400;
+const LATE: u32 = 100;
 
-/// Windows that the captain then runs alone.
-const WINDOWS_ALONE: u32 = 2_000;
+/// Windows that the captain then runs alone: twice as many each time, until the crew is in time again.
+const WINDOWS_ALONE: Range<u32> = 2_000..500_000;
 
 /// Times that a host thread gives its processor away before it sleeps between two looks.
-const YIELDS_AWAKE_MAX: u32 = 2_000;
+const YIELDS_AWAKE_MAX: u32 = 200;
 
 /// What runs cores and records tasks.
 pub(super) trait Hands {
@@ -176,15 +178,16 @@ impl<'a> Crew<'a> {
 /// The calling thread and its crew, which is dismissed at the end.
 pub(super) struct Captain<'a> {
     crew: &'a Crew<'a>,
-    /// Windows, of the last few, in which somebody came late.
+    /// How late the crew has been of late: [`LATE`] for a window in which somebody was.
     late: u32,
-    /// Windows that it runs alone before it calls the crew again.
+    /// Windows that it runs alone before it calls the crew again, and how many it will the next time.
     alone: u32,
+    alone_next: u32,
 }
 
 impl<'a> Captain<'a> {
     pub(super) fn new(crew: &'a Crew<'a>) -> Captain<'a> {
-        Captain { crew, late: 0, alone: 0 }
+        Captain { crew, late: 0, alone: 0, alone_next: WINDOWS_ALONE.start }
     }
 }
 
@@ -209,13 +212,16 @@ impl Hands for Captain<'_> {
         self.crew.begin(Job::Window { start, end });
         self.crew.run(0, start, end);
         // On a host that has other work too, windows wait for threads that have no processor. Who runs a core changes nothing.
-        if self.crew.wait() > YIELDS_MAX {
-            self.late += 1;
+        if self.crew.wait() > 0 {
+            self.late += LATE;
             if self.late > LATE_MAX {
-                (self.late, self.alone) = (0, WINDOWS_ALONE);
+                (self.late, self.alone) = (0, self.alone_next);
+                self.alone_next = (2 * self.alone_next).min(WINDOWS_ALONE.end);
             }
+        } else if self.late > 0 {
+            self.late -= 1;
         } else {
-            self.late = self.late.saturating_sub(1);
+            self.alone_next = WINDOWS_ALONE.start;
         }
         for (lent, group) in self.crew.groups.iter().zip(groups.iter_mut()) {
             std::mem::swap(&mut *lock(lent), group);
@@ -268,15 +274,18 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 
 /// Waits until `is_so`, at first with the processor, since windows are short; returns how often it gave that away.
 fn wait_until(mut is_so: impl FnMut() -> bool) -> u32 {
-    let backoff = Backoff::new();
-    let mut yields = 0;
+    let (mut spins, mut yields) = (0, 0);
     while !is_so() {
-        backoff.snooze();
-        if backoff.is_completed() {
-            yields += 1;
-            if yields > YIELDS_AWAKE_MAX {
-                std::thread::sleep(std::time::Duration::from_micros(50));
-            }
+        if spins < SPINS_MAX {
+            spins += 1;
+            std::hint::spin_loop();
+            continue;
+        }
+        yields += 1;
+        if yields < YIELDS_AWAKE_MAX {
+            std::thread::yield_now();
+        } else {
+            std::thread::sleep(std::time::Duration::from_micros(50));
         }
     }
     yields
