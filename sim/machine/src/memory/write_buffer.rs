@@ -61,8 +61,23 @@ impl WriteBuffer {
         self.held.range(full + 1..).next().map(|(end, _)| *end)
     }
 
-    /// The same while the entries are few.
+    /// When to try again while the entries are few: perhaps too early, never too late.
     fn full_of_few(&self, from: Cycle, to: Cycle) -> Option<Cycle> {
+        let lines = self.lines as usize;
+        // Most often it is full from the first.
+        let mut ends: Vec<Cycle> = self
+            .few
+            .iter()
+            .filter(|(begin, end)| *begin <= from && *end > from)
+            .map(|(_, end)| *end)
+            .collect();
+        if ends.len() >= lines {
+            let place = ends.len() - lines;
+            return Some(*ends.select_nth_unstable(place).1);
+        }
+        if self.few.iter().filter(|(begin, end)| *begin < to && *end > from).count() < lines {
+            return None;
+        }
         let mut borders = Vec::with_capacity(2 * self.few.len());
         for (begin, end) in self.few.iter().filter(|(begin, end)| *begin < to && *end > from) {
             borders.extend([(*begin.max(&from), true), (*end, false)]);
