@@ -253,7 +253,10 @@ impl Core {
     pub(crate) fn progress(&self) -> u64 {
         let atomics = self.shared.atomics.operations + self.shared.atomics.task_pulls;
         let caches = &self.shared.caches;
+        // What is issued of a stream counts while it runs, and with `issued` once it has been given back.
+        let under_way: u64 = self.threads.iter().map(|thread| thread.pc as u64).sum();
         self.shared.issued
+            + under_way
             + atomics
             + caches.l1_counters.hits
             + caches.l1_counters.misses
