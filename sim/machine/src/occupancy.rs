@@ -55,7 +55,7 @@ impl Slots {
         now.max(self.begin(slot))
     }
 
-    /// The same where the first stretch is full or not at hand.
+    /// Takes the first free slot at or after slot `wanted`, whose stretch is full or not at hand.
     #[inline(never)]
     fn wait(&mut self, wanted: u64, floor: Cycle) -> u64 {
         let floor = self.interval_x256.div_rem(floor << 8).0;

@@ -21,8 +21,10 @@ const CORES_FOR_CREW: usize = 4;
 /// other work, that may be for thousands of windows.
 const SPINS_MAX: u32 = 5_000;
 
-/// Windows with somebody late before the crew is left to itself for a while; a hundred without make good for one.
+/// How late the crew may be, in points, before the captain runs alone for a while. A window without anybody late takes one off.
 const LATE_MAX: u32 = 400;
+
+/// Points that a window in which somebody is late adds.
 const LATE: u32 = 100;
 
 /// Windows that the captain then runs alone: twice as many each time, until the crew is in time again.
@@ -36,11 +38,11 @@ pub(super) trait Hands {
     /// Runs every core that takes part from `start` to before `end`.
     fn run_window(&mut self, cores: &mut Cores, tables: &CoreTables, start: Cycle, end: Cycle);
 
-    /// Records `tasks`, the next of `step`; returns whether it did, and not when there is nobody to share them with.
+    /// Records `tasks`, the next of `step`; returns false, and does nothing, when there is nobody to share them with.
     fn record(&mut self, step: &mut Step<'_>, tasks: Range<u32>) -> bool;
 }
 
-/// Runs the cores of a group that take part: of `groups`, the one with number `group`.
+/// Runs the first `active` cores of a group from `start` to before `end`.
 fn run_group(group: &mut Group, active: usize, tables: &CoreTables, start: Cycle, end: Cycle) {
     for core in group.iter_mut().take(active).flatten() {
         core.run_window(tables, start, end);

@@ -94,8 +94,7 @@ impl Agenda {
         true
     }
 
-    /// A transaction on `line` is over. Returns the first that waits, if it may go on now and is admitted, as
-    /// `changes_owner` says of it.
+    /// A transaction on `line` is over, which changed the line's owner or did not.
     pub(super) fn leave(&mut self, line: u32, changed_owner: bool) {
         let on_line = self.lines.get_mut(&line).expect("it has entered");
         if changed_owner {

@@ -60,7 +60,7 @@ impl Walk {
         Walk::new(0, Row::NONE, 0, 0, false)
     }
 
-    /// The same, with a line that has to be handed on again.
+    /// This walk, with its next line to be handed on again.
     fn again(self, again: Again) -> Walk {
         Walk { due: again.at, why: again.why, has_turn: false, taken: false, ..self }
     }

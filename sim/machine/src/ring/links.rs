@@ -107,7 +107,7 @@ impl Counts {
         }
     }
 
-    /// The same where the first window is full or not at hand.
+    /// Takes one slot of each link of a ride whose first window is full or not at hand.
     #[inline(never)]
     fn wait(&mut self, row: u32, ride: Ride, now: Cycle, floor: Cycle) -> Cycle {
         let (wanted, floor) = (now / WINDOW, floor / WINDOW);
