@@ -101,6 +101,20 @@ pub(crate) fn serves_as_asked(resource: &impl Resource) -> Verdict {
 /// Requests out of time order, some of them far ahead, are served as the model says: so nothing is forgotten, and what is
 /// far ahead holds nothing up that is near.
 pub(crate) fn agrees_with(resource: &impl Resource, model: impl Fn() -> Model) -> Verdict {
+    agrees_ahead(resource, Ahead::Some, model)
+}
+
+/// Which requests come far ahead of the others.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Ahead {
+    /// One in 16.
+    Some,
+    /// None does.
+    None,
+}
+
+/// As [`agrees_with`], for a resource that is asked for times far ahead or is not.
+pub(crate) fn agrees_ahead(resource: &impl Resource, ahead: Ahead, model: impl Fn() -> Model) -> Verdict {
     let cost_x256 = (256 * 100_000 / resource.peak(100_000)) as u32;
     let near = (200 * cost_x256 / 256).max(64);
     let far = (20 * near).max(200_000);
@@ -112,8 +126,8 @@ pub(crate) fn agrees_with(resource: &impl Resource, model: impl Fn() -> Model) -
         for request in 0..2500 {
             base_x256 += u64::from(random.below(2 * cost_x256 * 100 / load_percent));
             let floor = base_x256 / 256;
-            let ahead = if random.below(16) == 0 { far } else { near };
-            let at = floor + Cycle::from(random.below(ahead));
+            let is_far = random.below(16) == 0 && ahead == Ahead::Some;
+            let at = floor + Cycle::from(random.below(if is_far { far } else { near }));
             let (time, expected) = (resource.ask(request, at, floor), model(request, at));
             if time != expected {
                 return Err(format!(

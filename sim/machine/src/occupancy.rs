@@ -82,15 +82,6 @@ impl Slots {
         }
     }
 
-    /// When the last of `count` slots, at least one, would begin that were now taken at `now`. Takes nothing.
-    pub(crate) fn would_begin(&self, now: Cycle, count: u32) -> Cycle {
-        let mut slot = self.free_from(self.interval_x256.div_rem(now << 8).0);
-        for _ in 1..count {
-            slot = self.free_from(slot + 1);
-        }
-        now.max(self.begin(slot))
-    }
-
     /// When a slot begins. Rounded up: no slot begins before the one before it has ended.
     #[inline(always)]
     fn begin(&self, slot: u64) -> Cycle {

@@ -8,7 +8,7 @@ use crate::counters::StepReport;
 /// Work of the shared resources that is taken on at the end of a step, and done after it.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Carried {
-    memory_lines: u64,
+    line_times: u64,
     slot_hops: u64,
     transactions: u64,
 }
@@ -20,14 +20,14 @@ pub(super) struct Carried {
 pub(super) fn check(
     report: &StepReport,
     spec: &MachineSpec,
-    uncore: &Uncore,
+    uncore: &mut Uncore,
     end: Cycle,
     carried: Carried,
 ) -> Carried {
     let cycles = report.cycles;
     let cores = u64::from(spec.cores);
     let left = Carried {
-        memory_lines: uncore.memory.lines_from(end),
+        line_times: uncore.memory.line_times_from(end),
         slot_hops: uncore.rings.slot_hops_from(end),
         transactions: uncore.transactions_from(end),
     };
@@ -51,10 +51,9 @@ pub(super) fn check(
         at_most("Core.L1d accesses", accesses, ports * cores * cycles);
     }
     let done = |asked: u64, before: u64, after: u64| (asked + before).saturating_sub(after);
-    let lines = report.memory.reads + report.memory.writes;
     at_most(
-        "Memory lines",
-        done(lines, carried.memory_lines, left.memory_lines),
+        "Memory line times",
+        done(uncore.memory.take_line_times(), carried.line_times, left.line_times),
         uncore.memory.peak_lines(cycles),
     );
     if !spec.ring.free {

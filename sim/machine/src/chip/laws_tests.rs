@@ -246,7 +246,7 @@ fn no_resource_beats_its_peak_in_any_step_on_narrow_machines() {
             }
             // What is served in all does not beat it either, but for what is still to be moved.
             let peak = config.memory.bandwidth_gb_per_s / config.clock_ghz;
-            let left = 64 * chip.uncore.memory.lines_from(chip.now);
+            let left = 64 * chip.uncore.memory.line_times_from(chip.now);
             let moved = bytes - left.min(bytes);
             assert!(
                 moved as f64 <= peak * cycles as f64 + 64.0 * 8.0,

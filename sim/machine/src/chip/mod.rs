@@ -227,7 +227,7 @@ impl Chip {
         let (cores, tables) = (&mut self.cores, &self.tables);
         self.uncore.run_until(end, &mut AsPeers { cores, tables });
         self.collect(&mut report);
-        self.carried = laws::check(&report, &self.spec, &self.uncore, end, self.carried);
+        self.carried = laws::check(&report, &self.spec, &mut self.uncore, end, self.carried);
         report
     }
 

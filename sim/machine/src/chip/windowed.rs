@@ -24,9 +24,10 @@ pub(super) fn run(parts: &mut Parts<'_, '_>, start: Cycle) -> Result<(), Stuck> 
         if running == 0 {
             break;
         }
-        watch.look(parts, base, wake)?;
+        let soonest = wake.min(parts.uncore.next_due());
+        watch.look(parts, base, soonest)?;
         // Skip the time in which nobody can do anything.
-        base = base.max(wake);
+        base = base.max(soonest);
         let end = base + window;
         parts.hands.run_window(parts.cores, parts.tables, base, end);
         serve(parts, base, end);
@@ -62,6 +63,8 @@ fn serve(parts: &mut Parts<'_, '_>, base: Cycle, end: Cycle) {
         let request = peers.cores.core(core).shared.caches.outbox[number];
         uncore.serve(core as u32, &request, base, &mut peers);
     }
+    // Who waits for what is written back in the next window has to know before it begins.
+    uncore.write_back_until(end + (end - base), base, &mut peers);
     cores.each_active(|core| core.shared.caches.outbox.clear());
 
     // Threads that asked in one cycle: the first of every core, then the second. None begins in a window that has passed.

@@ -1,4 +1,4 @@
-//! What the uncore has to do, in the order of time: how `cycle` runs transactions.
+//! What the uncore has to do later, in the order of time: all of it in `cycle`, write-backs in `windowed`.
 
 use super::transaction::{Leg, Transaction};
 use crate::Cycle;
@@ -38,9 +38,9 @@ pub(super) struct Agenda {
 }
 
 impl Agenda {
-    /// Begins a transaction, whose first leg is due at `at`.
-    pub(super) fn begin(&mut self, transaction: Transaction, leg: Leg, at: Cycle) {
-        let id = match self.free.pop() {
+    /// Keeps a transaction whose legs are going to be added.
+    pub(super) fn keep(&mut self, transaction: Transaction) -> TransactionId {
+        match self.free.pop() {
             Some(id) => {
                 self.transactions[id as usize] = transaction;
                 id
@@ -49,8 +49,7 @@ impl Agenda {
                 self.transactions.push(transaction);
                 (self.transactions.len() - 1) as TransactionId
             }
-        };
-        self.add(id, leg, at);
+        }
     }
 
     /// Adds a leg of a transaction, due at `at`.

@@ -1,5 +1,6 @@
 //! A transaction: what a miss or an upgrade asks of the home, and what follows, leg by leg.
 
+use super::agenda::TransactionId;
 use super::uncore::{Peers, Uncore};
 use super::{Directory, Event, Others, Source, State, transition};
 use crate::Cycle;
@@ -172,7 +173,7 @@ impl Uncore {
     #[inline(always)]
     pub(super) fn run<const STEPWISE: bool>(
         &mut self,
-        id: u32,
+        id: TransactionId,
         transaction: &mut Transaction,
         leg: Leg,
         at: Cycle,
@@ -304,7 +305,7 @@ impl Uncore {
 
     /// Adds a leg beside the one that follows.
     #[inline(always)]
-    fn later<const STEPWISE: bool>(&mut self, id: u32, leg: Leg, at: Cycle) {
+    fn later<const STEPWISE: bool>(&mut self, id: TransactionId, leg: Leg, at: Cycle) {
         if STEPWISE {
             self.agenda.add(id, leg, at);
         } else {
@@ -312,11 +313,30 @@ impl Uncore {
         }
     }
 
+    /// Has a modified line written back that leaves core `from` at `at`: once that time has come for all, since it stands behind
+    /// reads that are asked for before then.
+    #[inline(always)]
+    fn write_back<const STEPWISE: bool>(
+        &mut self,
+        id: TransactionId,
+        transaction: &mut Transaction,
+        (from, line): (u32, u32),
+        at: Cycle,
+    ) {
+        transaction.write_backs += 1;
+        let leg = Leg::WriteBack { from, line };
+        if STEPWISE {
+            self.agenda.add(id, leg, at);
+        } else {
+            self.write_backs.push((leg, at));
+        }
+    }
+
     /// The directory decides, and what it asks for leaves the home at `at`. Returns a leg of that, beside those it adds.
     #[inline(always)]
     fn decide<const STEPWISE: bool>(
         &mut self,
-        id: u32,
+        id: TransactionId,
         transaction: &mut Transaction,
         at: Cycle,
     ) -> Option<(Leg, Cycle)> {
@@ -389,7 +409,7 @@ impl Uncore {
     #[inline(always)]
     fn ask_peer<const STEPWISE: bool>(
         &mut self,
-        id: u32,
+        id: TransactionId,
         transaction: &mut Transaction,
         peer: u32,
         supplies: bool,
@@ -424,8 +444,7 @@ impl Uncore {
                 ..actions
             };
             if actions.write_back {
-                transaction.write_backs += 1;
-                self.later::<STEPWISE>(id, Leg::WriteBack { from: peer, line }, at);
+                self.write_back::<STEPWISE>(id, transaction, (peer, line), at);
             }
         }
         if !supplies {
@@ -441,7 +460,7 @@ impl Uncore {
     #[inline(always)]
     fn answer<const STEPWISE: bool>(
         &mut self,
-        id: u32,
+        id: TransactionId,
         transaction: &mut Transaction,
         at: Cycle,
         floor: Cycle,
@@ -468,8 +487,7 @@ impl Uncore {
                 ..victim
             };
             if victim.write_back {
-                transaction.write_backs += 1;
-                self.later::<STEPWISE>(id, Leg::WriteBack { from: me, line: victim.line }, at);
+                self.write_back::<STEPWISE>(id, transaction, (me, victim.line), at);
             }
         }
         let cause = if transaction.waited * 2 > at - transaction.departed {

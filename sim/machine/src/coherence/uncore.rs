@@ -1,6 +1,7 @@
 //! Everything that cores share: directory, rings, memory.
 
-use super::{Agenda, Directory, Leg, Transaction};
+use super::agenda::TransactionId;
+use super::{Agenda, Directory, Leg, State, Transaction};
 use crate::Cycle;
 use crate::config::MachineSpec;
 use crate::counters::DirectoryCounters;
@@ -8,8 +9,6 @@ use crate::exchange::{Message, Request};
 use crate::memory::Memory;
 use crate::occupancy::Slots;
 use crate::ring::{Message as OnRing, Rings};
-
-use super::State;
 
 /// The other cores, as the uncore sees them.
 pub(crate) trait Peers {
@@ -42,7 +41,9 @@ pub(crate) struct Uncore {
     controller_stops: Vec<u32>,
     /// Legs of the transaction that is timed whole which have to be looked at yet.
     pub(super) open: Vec<(Leg, Cycle)>,
-    /// What is to be done, where transactions run side by side.
+    /// Write-backs of the transaction that is timed whole.
+    pub(super) write_backs: Vec<(Leg, Cycle)>,
+    /// What is to be done later: all legs where transactions run side by side, write-backs where they are timed whole.
     pub(super) agenda: Agenda,
     pub(crate) counters: DirectoryCounters,
     #[cfg(test)]
@@ -69,6 +70,7 @@ impl Uncore {
                 .map(|controller| stop(controller) as u32)
                 .collect(),
             open: Vec::new(),
+            write_backs: Vec::new(),
             agenda: Agenda::default(),
             counters: DirectoryCounters::default(),
             #[cfg(test)]
@@ -106,9 +108,12 @@ impl Uncore {
         }
     }
 
-    /// Serves a request of `core` whole, all legs of it; nobody will ask for a time before `floor` again.
+    /// Serves a request of `core` whole, all legs of it but write-backs, which wait until they are due; nobody will ask for a time
+    /// before `floor` again.
     #[inline(always)]
     pub(crate) fn serve(&mut self, core: u32, request: &Request, floor: Cycle, peers: &mut impl Peers) {
+        // What is written back by the time at which this request can be with a controller comes before it there.
+        self.write_back_until(request.time + self.answer_cycles_min(), floor, peers);
         self.note_victim(core, request);
         let mut transaction = Transaction::new(core, request);
         let start = request.time + self.l2_hit_cycles;
@@ -116,17 +121,40 @@ impl Uncore {
         while let Some((leg, at)) = self.open.pop() {
             self.run::<false>(0, &mut transaction, leg, at, floor, peers);
         }
-        debug_assert!(transaction.is_over());
+        if self.write_backs.is_empty() {
+            debug_assert!(transaction.is_over());
+            return;
+        }
+        let id = self.agenda.keep(transaction);
+        for (leg, at) in self.write_backs.drain(..) {
+            self.agenda.add(id, leg, at);
+        }
+    }
+
+    /// Does all write-backs that are due by `now`, each whole, where transactions are timed whole; nobody will ask for a time
+    /// before `floor` again.
+    #[inline(always)]
+    pub(crate) fn write_back_until(&mut self, now: Cycle, floor: Cycle, peers: &mut impl Peers) {
+        while let Some((id, leg, at)) = self.agenda.pop(now) {
+            let mut transaction = *self.agenda.transaction(id);
+            self.run::<false>(id, &mut transaction, leg, at, floor, peers);
+            if transaction.is_over() {
+                self.agenda.forget(id);
+            } else {
+                *self.agenda.transaction(id) = transaction;
+            }
+        }
     }
 
     /// Takes a request of `core` in, to be served leg by leg.
     pub(crate) fn accept(&mut self, core: u32, request: &Request) {
         self.note_victim(core, request);
         let start = request.time + self.l2_hit_cycles;
-        self.agenda.begin(Transaction::new(core, request), Leg::Depart, start);
+        let id = self.agenda.keep(Transaction::new(core, request));
+        self.agenda.add(id, Leg::Depart, start);
     }
 
-    /// When the next leg is due; [`Cycle::MAX`] when all that was accepted is served.
+    /// When the next leg is due; [`Cycle::MAX`] when all that was asked for is done.
     pub(crate) fn next_due(&self) -> Cycle {
         self.agenda.next()
     }
@@ -139,7 +167,7 @@ impl Uncore {
     }
 
     /// Does one leg of an accepted request, and those that follow from it at once.
-    pub(super) fn run_leg(&mut self, id: u32, leg: Leg, at: Cycle, peers: &mut impl Peers) {
+    pub(super) fn run_leg(&mut self, id: TransactionId, leg: Leg, at: Cycle, peers: &mut impl Peers) {
         let mut transaction = *self.agenda.transaction(id);
         let line = transaction.line();
         let left = self.run::<true>(id, &mut transaction, leg, at, at, peers);

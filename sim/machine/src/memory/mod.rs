@@ -17,7 +17,6 @@ use crate::config::MemorySpec;
 use crate::counters::MemoryCounters;
 use crate::division::Divisor;
 use crate::occupancy::Slots;
-use crate::pages::Hints;
 use lrbsim_isa::arena::LINE_BYTES;
 use spans::Spans;
 use write_buffer::WriteBuffer;
@@ -33,7 +32,7 @@ struct Bank {
     open_since: Cycle,
 }
 
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 struct Controller {
     channel: Slots,
     /// Whether the last access wrote.
@@ -41,9 +40,6 @@ struct Controller {
     banks: Vec<Bank>,
     openings: Spans,
     writes: WriteBuffer,
-    /// By bank, lines of turnaround and since when the row is open, [`Cycle::MAX`] when it has to be opened: when a write
-    /// cannot be accepted.
-    vain: Hints<(u32, u32, Cycle)>,
 }
 
 /// Where a line lies.
@@ -83,9 +79,8 @@ pub(crate) struct Memory {
     banks: Divisor,
     controller_count: Divisor,
     controllers: Vec<Controller>,
-    /// When the bursts begin; those before the floor are left out when the list has doubled.
-    bursts: Vec<Cycle>,
-    prune_at: usize,
+    /// Line times that channels have been taken for since somebody asked: lines, and changes of direction.
+    line_times: u64,
     pub(crate) counters: MemoryCounters,
 }
 
@@ -100,7 +95,6 @@ impl Memory {
             banks: vec![Bank { open_row: u32::MAX, open_since: 0 }; spec.banks as usize],
             openings: Spans::new(spec.banks, longest),
             writes: WriteBuffer::new(spec.write_buffer_lines),
-            vain: Hints::new(),
         };
         Memory {
             row_miss_cycles: spec.row_miss_cycles,
@@ -117,8 +111,7 @@ impl Memory {
             banks: Divisor::new(spec.banks.into()),
             controller_count: Divisor::new(spec.controllers.into()),
             controllers: (0..spec.controllers).map(|_| controller()).collect(),
-            bursts: Vec::new(),
-            prune_at: 1024,
+            line_times: 0,
             counters: MemoryCounters::default(),
         }
     }
@@ -141,36 +134,9 @@ impl Memory {
     pub(crate) fn write(&mut self, line: u32, now: Cycle, floor: Cycle) -> Write {
         self.counters.writes += 1;
         let place = self.place(line);
-        if self.controllers[place.controller].writes.has_room(now, floor) {
-            let (burst, latency) = self.access(place, true, now, floor);
-            self.controllers[place.controller].writes.hold(now, burst + self.burst_cycles, floor);
-            self.counters.wait_cycles += burst - now;
-            return Write { accepted: now, written: burst + latency };
-        }
-        self.write_to_full(place, now, floor)
-    }
-
-    /// Writes a line whose write buffer may be full.
-    fn write_to_full(&mut self, place: Place, now: Cycle, floor: Cycle) -> Write {
-        // An entry is held until the burst is over, and it must be free all that time.
-        let controller = &self.controllers[place.controller];
-        let bank = controller.banks[place.bank as usize];
-        let since = if bank.open_row == place.row { bank.open_since } else { Cycle::MAX };
-        let turnaround = if controller.wrote { 0 } else { self.turnaround_lines };
-        let kind = (place.bank, turnaround, since);
-        let mut accepted = controller.vain.skip(kind, now);
-        let ends = loop {
-            let ends = self.burst_of_write(place, accepted) + self.burst_cycles;
-            match controller.writes.full(accepted, ends) {
-                Some(later) => accepted = controller.vain.skip(kind, later),
-                None => break ends,
-            }
-        };
+        let accepted = self.controllers[place.controller].writes.free_from(now);
         let (burst, latency) = self.access(place, true, accepted, floor);
-        debug_assert_eq!(burst + self.burst_cycles, ends, "a write is served as was foretold");
-        let controller = &mut self.controllers[place.controller];
-        controller.writes.hold(accepted, ends, floor);
-        controller.vain.learn(kind, now, accepted, floor);
+        self.controllers[place.controller].writes.hold(burst + self.burst_cycles);
         self.counters.wait_cycles += burst - now;
         Write { accepted, written: burst + latency }
     }
@@ -207,28 +173,12 @@ impl Memory {
             for _ in 0..self.turnaround_lines {
                 controller.channel.take(opened, floor);
             }
+            self.line_times += u64::from(self.turnaround_lines);
         }
         // The burst is part of the idle latency, so only the wait adds to it.
         let burst = controller.channel.take(opened, floor);
-        if self.bursts.len() >= self.prune_at {
-            self.bursts.retain(|burst| *burst >= floor);
-            self.prune_at = 1024 + 2 * self.bursts.len();
-        }
-        self.bursts.push(burst);
+        self.line_times += 1;
         (burst, latency)
-    }
-
-    /// When the burst of a write that is accepted `now` would begin, as [`Memory::access`] would say. Changes nothing.
-    fn burst_of_write(&self, at: Place, now: Cycle) -> Cycle {
-        let controller = &self.controllers[at.controller];
-        let bank = controller.banks[at.bank as usize];
-        let opened = if bank.open_row == at.row {
-            now.max(bank.open_since)
-        } else {
-            controller.openings.would_begin(at.bank, now, self.row_cycle_cycles[1])
-        };
-        let turnaround = if controller.wrote { 0 } else { self.turnaround_lines };
-        controller.channel.would_begin(opened, turnaround + 1)
     }
 
     /// Seeds a defect in all controllers.
@@ -240,9 +190,14 @@ impl Memory {
         }
     }
 
-    /// Lines whose burst begins at or after `from`, which is not before the floor.
-    pub(crate) fn lines_from(&self, from: Cycle) -> u64 {
-        self.bursts.iter().filter(|burst| **burst >= from).count() as u64
+    /// Line times that channels have been taken for since this was last asked, for lines and for changes of direction.
+    pub(crate) fn take_line_times(&mut self) -> u64 {
+        std::mem::take(&mut self.line_times)
+    }
+
+    /// Line times that channels have been taken for from `from` on, which is not before the floor.
+    pub(crate) fn line_times_from(&self, from: Cycle) -> u64 {
+        self.controllers.iter().map(|controller| controller.channel.taken_from(from)).sum()
     }
 
     /// Most lines that all channels together move in `cycles` cycles in a row: rounded up, and one more for each channel.

@@ -93,17 +93,6 @@ fn slots_that_forget_are_caught() {
 }
 
 #[test]
-fn what_would_begin_begins() {
-    let (mut slots, mut random) = (Slots::new(300), Random::new(5));
-    for i in 0..5000 {
-        let now = i + Cycle::from(random.below(3000));
-        let would = slots.would_begin(now, 2);
-        let first = slots.take(now, i);
-        assert_eq!((slots.take(now, i), first <= would), (would, true));
-    }
-}
-
-#[test]
 fn ticks_refuse_without_a_trace() {
     let mut random = Random::new(9);
     let ask = |ticks: &mut Ticks<4>, request: u32| {
