@@ -83,11 +83,17 @@ struct L2Access {
 }
 
 impl CoreCaches {
-    /// A hit in L1, the common case. `Err` when it is anything else: where the line lies, if it is there; then nothing has
+    /// A hit in L1 at `now`, the common case. `Err` when it is anything else: where the line lies, if it is there; then nothing has
     /// changed.
     #[inline(always)]
-    pub(crate) fn l1_hit(&mut self, rules: &AccessRules, line: u32, write: bool) -> Result<(), Option<Slot>> {
-        if rules.translates && !self.tlb.hit(line) {
+    pub(crate) fn l1_hit(
+        &mut self,
+        rules: &AccessRules,
+        line: u32,
+        write: bool,
+        now: Cycle,
+    ) -> Result<(), Option<Slot>> {
+        if rules.translates && !self.tlb.hit(line, now) {
             return Err(None);
         }
         let (mask, wanted, bits) = if write {
@@ -110,7 +116,7 @@ impl CoreCaches {
         intent: Intent,
         now: Cycle,
     ) -> Result<Access, Again> {
-        match self.l1_hit(rules, line, intent != Intent::Read) {
+        match self.l1_hit(rules, line, intent != Intent::Read, now) {
             Ok(()) => Ok(hit(rules, now)),
             Err(slot) => self.access_beyond_hit(rules, line, slot, intent, now),
         }
@@ -139,7 +145,10 @@ impl CoreCaches {
             let bits = self.l1.bits(slot);
             if !write || bits & Tags::WRITABLE != 0 {
                 // On its way: wait for the same fill.
-                if let Some((place, fill)) = self.l1_mshrs.in_flight(line, now) {
+                let in_flight = self.l1_mshrs.in_flight(line, self.ports.base());
+                if let Some((place, fill)) = in_flight
+                    && fill.at() > now
+                {
                     self.use_l1(slot, bits, write);
                     self.l1_counters.merged += 1;
                     let earliest = now + rules.l1_hit_cycles;
@@ -150,8 +159,9 @@ impl CoreCaches {
                         not_before: earliest.max(self.l1_mshrs.not_before(place)),
                     });
                 }
-                // It has arrived since.
-                self.use_l1(slot, bits & !Tags::PENDING, write);
+                // It has arrived since; in this window, in which a thread that runs after this one may come before that.
+                let bits = if in_flight.is_some() { bits } else { bits & !Tags::PENDING };
+                self.use_l1(slot, bits, write);
                 self.l1_counters.hits += 1;
                 return Ok(hit(rules, now));
             }
@@ -213,7 +223,7 @@ impl CoreCaches {
     /// Has the address of `line` translated; `Err` when that takes until later.
     #[inline(always)]
     fn translate(&mut self, rules: &AccessRules, line: u32, now: Cycle) -> Result<(), Again> {
-        if rules.translates && !self.tlb.hit(line) {
+        if rules.translates && !self.tlb.hit(line, now) {
             let cycles = self.tlb.translate(line, now);
             if cycles > 0 {
                 #[cfg(test)]
@@ -265,15 +275,19 @@ impl CoreCaches {
             if intent == Intent::Read || owned {
                 self.l2.touch(slot);
                 let state = if intent == Intent::Read { 0 } else { State::M as u8 };
-                if bits & Tags::PENDING != 0
-                    && let Some((place, fill)) = self.l2_mshrs.in_flight(line, now)
+                let pending = bits & Tags::PENDING != 0;
+                let in_flight =
+                    if pending { self.l2_mshrs.in_flight(line, self.ports.base()) } else { None };
+                if let Some((place, fill)) = in_flight
+                    && fill.at() > now
                 {
                     self.l2.set_bits(slot, bits | state);
                     self.l2_counters.merged += 1;
                     let ready = fill.not_before(now + rules.l2_hit_cycles);
                     return Ok(L2Access { ready, owned, missed: false, mshr: place as u16 });
                 }
-                self.l2.set_bits(slot, bits & !Tags::PENDING | state);
+                let bits = if in_flight.is_some() { bits } else { bits & !Tags::PENDING };
+                self.l2.set_bits(slot, bits | state);
                 self.l2_counters.hits += 1;
                 let ready = When::new(now + rules.l2_hit_cycles, Cause::L2);
                 return Ok(L2Access { ready, owned, missed: false, mshr: 0 });
@@ -431,13 +445,29 @@ impl CoreCaches {
         self.claims = later;
     }
 
-    /// Gives `line` to another core before its claim is due, if a locked operation that ends at `end` would not be over then.
-    pub(crate) fn yield_to_claim(&mut self, line: u32, end: Cycle) {
+    /// Gives `line` to another core before its claim is due, if a locked operation at `now` that ends at `end` would not be over
+    /// then; `Err`, and nothing given, when the core could not ask for it again at once.
+    pub(crate) fn yield_to_claim(
+        &mut self,
+        rules: &AccessRules,
+        line: u32,
+        now: Cycle,
+        end: Cycle,
+    ) -> Result<(), Again> {
+        if self.next_claim >= end {
+            return Ok(());
+        }
         let claim = self.claims.iter().position(|claim| claim.line == line && claim.owns && claim.at < end);
-        if let Some(place) = claim {
+        if let Some(place) = claim
+            && self.l2.find(line).is_some()
+        {
+            self.translate(rules, line, now)?;
+            self.l1_mshrs.free(now).map_err(Again::mshr)?;
+            self.l2_mshrs.free(now).map_err(Again::mshr)?;
             let claim = self.claims.remove(place);
             self.grant(claim);
         }
+        Ok(())
     }
 
     /// Gives another core what it claims of a line.

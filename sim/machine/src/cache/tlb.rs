@@ -11,7 +11,7 @@ const SECOND_LINES: u32 = (2 << 20) / 64;
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Tlb {
     page_lines: u32,
-    /// The page of the last translation: most accesses go there again.
+    /// The page that was last found translated, [`u32::MAX`] when it may have gone: most accesses go there again.
     last_page: u32,
     first: Level,
     second: Level,
@@ -72,15 +72,20 @@ impl Tlb {
         }
     }
 
-    /// Whether the first TLB has the page of `line`.
+    /// Whether the first TLB has the page of `line` at `now`: not while its translation is under way.
     #[inline]
-    pub(crate) fn hit(&mut self, line: u32) -> bool {
+    pub(crate) fn hit(&mut self, line: u32, now: Cycle) -> bool {
         let page = line / self.page_lines;
         if page == self.last_page {
             return true;
         }
+        let done = self.awaited.iter().find(|(awaited, _)| *awaited == page).map_or(0, |(_, done)| *done);
+        if done > now {
+            return false;
+        }
         let hit = self.first.hit(page);
-        if hit {
+        // Threads that run after this one may come before it, when the translation was under way.
+        if hit && now >= done + AWAITED_CYCLES {
             self.last_page = page;
         }
         hit
@@ -105,8 +110,8 @@ impl Tlb {
             cycles += self.second.look_up(line / SECOND_LINES);
             self.awaited.retain(|(_, done)| now <= *done + AWAITED_CYCLES);
             self.awaited.push((page, now + cycles));
+            self.last_page = u32::MAX;
         }
-        self.last_page = page;
         cycles
     }
 }
@@ -123,9 +128,19 @@ mod tests {
     #[test]
     fn a_miss_costs_its_cycles_once() {
         let mut tlb = tlb();
-        assert!(!tlb.hit(5));
+        assert!(!tlb.hit(5, 0));
         assert_eq!((tlb.translate(5, 0), tlb.translate(63, 200), tlb.translate(64, 300)), (129, 0, 29));
-        assert!(tlb.hit(0) && tlb.hit(127) && !tlb.hit(128));
+        assert!(tlb.hit(0, 400) && tlb.hit(127, 400) && !tlb.hit(128, 400));
+    }
+
+    #[test]
+    fn a_page_is_not_found_while_it_is_being_translated() {
+        let mut tlb = tlb();
+        assert_eq!(tlb.translate(5, 1000), 129);
+        // Whoever comes meanwhile waits for the same translation, in whichever order they ask.
+        assert!(tlb.hit(6, 1129) && !tlb.hit(6, 1100) && !tlb.hit(6, 1128));
+        assert_eq!(tlb.translate(6, 1100), 29);
+        assert!(tlb.hit(6, 1300) && tlb.hit(5, 1301));
     }
 
     #[test]
@@ -149,7 +164,7 @@ mod tests {
         let level = |miss_cycles| TlbLevelSpec { sets: 1, ways: 1, miss_cycles };
         let mut tlb = Tlb::new(Some(&TlbSpec { page_lines: 64, first: level(29), second: level(0) }));
         assert_eq!((tlb.translate(0, 100), tlb.translate(64, 110)), (29, 29));
-        assert!(!tlb.hit(0));
+        assert!(!tlb.hit(0, 115));
         assert_eq!((tlb.translate(0, 120), tlb.translate(0, 129), tlb.translate(0, 130)), (9, 0, 29));
     }
 }

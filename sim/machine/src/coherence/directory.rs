@@ -75,13 +75,13 @@ impl Directory {
         (&mut page[index % PAGE_LINES], &mut self.pool)
     }
 
-    /// Who has `line`.
+    /// What is known of `line` as things stand: its sharers may lie in the pool.
     #[inline(always)]
-    pub(crate) fn sharers(&self, line: u32) -> Sharers {
+    pub(crate) fn known(&self, line: u32) -> Record {
         let (pages, index) = self.place(line);
         match pages.get(index / PAGE_LINES) {
-            Some(Some(page)) => page[index % PAGE_LINES].sharers,
-            _ => Sharers::default(),
+            Some(Some(page)) => page[index % PAGE_LINES],
+            _ => Record::default(),
         }
     }
 

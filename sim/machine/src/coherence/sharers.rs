@@ -131,6 +131,16 @@ impl Sharers {
         (0..self.count_code() as u32).any(|i| self.inline_core(i) == core)
     }
 
+    /// Whether a core other than `me` is among them.
+    #[inline(always)]
+    pub(crate) fn has_other(self, me: u32) -> bool {
+        match self.count_code() {
+            0 => false,
+            1 => self.inline_core(0) != me,
+            _ => true,
+        }
+    }
+
     /// The core other than `me` whose number is nearest, hence on most machines the nearest on the ring.
     pub(crate) fn nearest(self, me: u32, pool: &Pool) -> Option<u32> {
         if let Some(few) = self.few() {
@@ -197,6 +207,7 @@ mod tests {
             let mut seen = BTreeSet::new();
             sharers.for_each(&pool, |core| assert!(seen.insert(core), "core {core} twice"));
             assert_eq!(seen, model);
+            assert_eq!(sharers.has_other(core), model.iter().any(|other| *other != core));
             let nearest =
                 model.iter().filter(|other| **other != core).min_by_key(|other| other.abs_diff(core));
             assert_eq!(sharers.nearest(core, &pool), nearest.copied());

@@ -2,7 +2,9 @@
 
 use super::agenda::TransactionId;
 use super::uncore::{Peers, Uncore};
-use super::{Directory, Event, Others, Source, State, transition};
+use super::directory::{Directory, Record};
+use super::sharers::{Pool, Sharers};
+use super::{Actions, Event, Others, Source, State, transition};
 use crate::Cycle;
 use crate::cache::Intent;
 use crate::counters::Cause;
@@ -19,7 +21,7 @@ pub(super) enum Leg {
     Home,
     /// The slice of the directory has taken it: it waits for earlier transactions on the line.
     Queue,
-    /// Its turn has come: the directory is looked up, and decides.
+    /// Its turn has come after it had to wait: the directory is looked up, and decides.
     Decide,
     /// The home asks a peer to give up its copy, or to supply it.
     AskPeer { peer: u32, supplies: bool },
@@ -122,47 +124,53 @@ impl Transaction {
         self.answered && self.write_backs == 0 && self.loose == 0
     }
 
-    /// What the requester and the others have of the line, as the directory knows.
+    /// What the directory makes of it, when `sharers` have the line.
     #[inline(always)]
-    fn states(&self, directory: &Directory) -> (State, Others) {
-        let sharers = directory.sharers(self.line);
+    fn decision(&self, sharers: Sharers, pool: &Pool) -> Decision {
         let owner = sharers.owner();
         let others = match owner {
             Some(owner) if owner != self.core => Others::Own,
-            Some(_) => Others::Nobody,
-            None if sharers.nearest(self.core, &directory.pool).is_some() => Others::Share,
-            None => Others::Nobody,
+            None if sharers.has_other(self.core) => Others::Share,
+            Some(_) | None => Others::Nobody,
         };
         // A core that has thrown its copy out and asks again has none, whatever the directory has heard so far.
         let mine = if !self.held {
             State::I
         } else if owner == Some(self.core) {
             State::E
-        } else if sharers.contains(self.core, &directory.pool) {
+        } else if sharers.contains(self.core, pool) {
             State::S
         } else {
             State::I
         };
-        (mine, others)
-    }
-
-    /// What the directory makes of it, as things stand.
-    #[inline(always)]
-    fn decision(&self, directory: &Directory) -> (State, super::Actions, Others) {
-        let (mine, others) = self.states(directory);
         let event = match self.intent {
             Intent::Read => Event::Read(others),
             Intent::Write => Event::Write(others),
             Intent::Stream => Event::Stream(others),
         };
         let (next, actions) = transition(mine, event).expect("the directory knows every copy");
-        (next, actions, others)
+        Decision { next, actions, from_owner: others == Others::Own }
     }
 
     /// Whether it would change the owner of its line, as things stand.
     pub(super) fn would_change_owner(&self, directory: &Directory) -> bool {
-        let (next, _, others) = self.decision(directory);
-        others == Others::Own || next.is_owner()
+        self.decision(directory.known(self.line).sharers, &directory.pool).changes_owner()
+    }
+}
+
+/// What the directory decides.
+#[derive(Debug, Clone, Copy)]
+struct Decision {
+    /// What the requester's copy becomes.
+    next: State,
+    actions: Actions,
+    /// Whether another core owns the line.
+    from_owner: bool,
+}
+
+impl Decision {
+    fn changes_owner(self) -> bool {
+        self.from_owner || self.next.is_owner()
     }
 }
 
@@ -196,23 +204,20 @@ impl Uncore {
                     transaction.arrived = at;
                     (Leg::Queue, self.slices[home as usize].take(at, floor))
                 }
-                Leg::Queue => {
-                    let changes_owner = transaction.would_change_owner(&self.directory);
-                    leg = Leg::Decide;
+                Leg::Queue | Leg::Decide => {
+                    let Record { sharers, busy } = self.directory.known(line);
+                    let decision = transaction.decision(sharers, &self.directory.pool);
+                    // Nothing may come between the turn of a transaction and its decision.
                     if STEPWISE {
-                        if !self.agenda.enter(id, line, changes_owner) {
+                        if leg == Leg::Queue && !self.agenda.enter(id, line, decision.changes_owner()) {
                             return false;
                         }
                     } else {
-                        let busy = self.directory.record(line).0.busy;
-                        at = at.max(if changes_owner { busy.write_after() } else { busy.read_after() });
+                        let free = if decision.changes_owner() { busy.write_after() } else { busy.read_after() };
+                        at = at.max(free);
                     }
-                    // At once: nothing may come between the turn of a transaction and its decision.
-                    continue;
-                }
-                Leg::Decide => {
                     self.counters.wait_cycles += at - transaction.arrived;
-                    match self.decide::<STEPWISE>(id, transaction, at + self.lookup_cycles) {
+                    match self.decide::<STEPWISE>(id, transaction, decision, sharers, at + self.lookup_cycles) {
                         Some(next) => next,
                         None => return false,
                     }
@@ -332,23 +337,25 @@ impl Uncore {
         }
     }
 
-    /// The directory decides, and what it asks for leaves the home at `at`. Returns a leg of that, beside those it adds.
+    /// What the directory has decided of a line that `before` have leaves the home at `at`. Returns a leg of that, beside those
+    /// it adds.
     #[inline(always)]
     fn decide<const STEPWISE: bool>(
         &mut self,
         id: TransactionId,
         transaction: &mut Transaction,
+        decision: Decision,
+        before: Sharers,
         at: Cycle,
     ) -> Option<(Leg, Cycle)> {
-        let (next, actions, others) = transaction.decision(&self.directory);
+        let Decision { next, actions, from_owner } = decision;
         let me = transaction.core;
         transaction.data = actions.data;
         transaction.owned = next.is_owner();
-        transaction.from_owner = others == Others::Own;
-        transaction.changes_owner = transaction.from_owner || next.is_owner();
+        transaction.from_owner = from_owner;
+        transaction.changes_owner = decision.changes_owner();
 
         // Copies of others: who supplies, and who loses it.
-        let before = self.directory.sharers(transaction.line);
         let mut last = None;
         if actions.data == Source::Peer || actions.invalidate_others {
             let nearest = || before.nearest(me, &self.directory.pool);
@@ -439,7 +446,7 @@ impl Uncore {
             .expect("a copy can be read");
             peers.tell(peer, Message::Claim(Claim { at, line, owns: false }));
             #[cfg(test)]
-            let actions = super::Actions {
+            let actions = Actions {
                 write_back: actions.write_back && fault != Some(super::Fault::LoseSharedWrite),
                 ..actions
             };

@@ -362,17 +362,17 @@ impl Thread {
         let lines = uop >> 24;
         if lines == 1
             && let Some(intent) = row.loads_or_stores()
-            && shared.caches.ports.take_now(now.at())
+            && let Some(at) = shared.caches.ports.take(now.at(), end)
         {
-            // The common case: one line, which the L1 takes here and now, and has.
+            // The common case: one line, which the L1 takes before the window is over, mostly at once, and has.
             let line = self.line();
-            return match shared.caches.l1_hit(&tables.access, line, intent != Intent::Read) {
+            return match shared.caches.l1_hit(&tables.access, line, intent != Intent::Read, at) {
                 Ok(()) => {
                     self.line_pc += 1;
-                    self.ready[pc % 256] = now.plus(row.latency());
-                    When::ZERO
+                    self.ready[pc % 256] = When::bare(at).plus(row.latency());
+                    if at == now.at() { When::ZERO } else { When::new(at + 1, Cause::L1) }
                 }
-                Err(slot) => self.miss_one_line(tables, shared, (pc, row), slot, now, end),
+                Err(slot) => self.miss_one_line(tables, shared, (pc, row), slot, (now.at(), at), end),
             };
         }
         self.begin_walk(tables, shared, (pc, row, lines), now, end)
@@ -388,11 +388,12 @@ impl Thread {
         now: When,
         end: Cycle,
     ) -> When {
-        let walk = Walk::new(pc, row, lines, now.at(), false);
+        let walk = Walk::new(pc, row, lines, now.at());
         self.advance_walk(tables, shared, walk, end)
     }
 
-    /// Hands on the one line of the uop at `pc`, which the L1 has taken at `now` and found in `slot` if at all, but not ready.
+    /// Hands on the one line of the uop at `pc`, issued at `issued`, which the L1 has taken at `at` and found in `slot` if at all,
+    /// but not ready.
     #[inline(never)]
     fn miss_one_line(
         &mut self,
@@ -400,13 +401,13 @@ impl Thread {
         shared: &mut Shared,
         (pc, row): (usize, Row),
         slot: Option<Slot>,
-        now: When,
+        (issued, at): (Cycle, Cycle),
         end: Cycle,
     ) -> When {
         let line = self.line();
         let intent = row.kind().intent();
-        let result = shared.load_or_store_beyond_hit(tables, line, slot, intent, now.at());
-        let walk = Walk::new(pc, row, 1, now.at(), true);
+        let result = shared.load_or_store_beyond_hit(tables, line, slot, intent, at);
+        let walk = Walk::new(pc, row, 1, issued).taken_at(at);
         self.end_one_line(tables, shared, walk, line, result, end)
     }
 

@@ -108,6 +108,12 @@ impl Thread {
         self.stream.lines[self.line_pc].resolved(self.number)
     }
 
+    /// The line `count` places behind [`Thread::line`], if the stream has so many.
+    #[inline(always)]
+    pub(super) fn line_ahead(&self, count: usize) -> Option<u32> {
+        self.stream.lines.get(self.line_pc + count).map(|line| line.resolved(self.number))
+    }
+
     /// A defect to be seeded: it works on the stack of thread 0.
     #[cfg(test)]
     pub(crate) fn share_stack(&mut self) {

@@ -36,7 +36,7 @@ pub(super) struct Waiting {
 #[derive(Debug, Clone, Copy)]
 struct Target {
     mshr: u16,
-    waiting: u16,
+    waiting: WaitingId,
     not_before: Cycle,
     /// The line, for a locked operation, which begins when it is there.
     locks: Option<u32>,
@@ -47,12 +47,12 @@ struct Target {
 pub(super) struct WaitList {
     /// Some are free: see `free`.
     waiting: Vec<Waiting>,
-    free: Vec<u16>,
+    free: Vec<WaitingId>,
     targets: Vec<Target>,
 }
 
 /// Names a [`Waiting`] of a list.
-pub(super) type WaitingId = u16;
+pub(super) type WaitingId = u32;
 
 impl WaitList {
     /// Notes a uop or a pull of `thread` that has lines without a time.
@@ -69,18 +69,18 @@ impl WaitList {
         };
         match self.free.pop() {
             Some(id) => {
-                self.waiting[usize::from(id)] = new;
+                self.waiting[id as usize] = new;
                 id
             }
             None => {
                 self.waiting.push(new);
-                (self.waiting.len() - 1) as u16
+                (self.waiting.len() - 1) as WaitingId
             }
         }
     }
 
     pub(super) fn get(&mut self, id: WaitingId) -> &mut Waiting {
-        &mut self.waiting[usize::from(id)]
+        &mut self.waiting[id as usize]
     }
 
     /// Has `id` wait for the line of `access`, and lock it if `locks`.
@@ -124,7 +124,7 @@ impl WaitList {
             if let Some(line) = target.locks {
                 ready = When::new(caches.locks.lock(line, ready.at(), atomic_cycles, floor), Cause::Atomic);
             }
-            let waits = &mut waiting[usize::from(target.waiting)];
+            let waits = &mut waiting[target.waiting as usize];
             waits.ready = waits.ready.max(ready);
             waits.unanswered -= 1;
             if waits.unanswered == 0 && waits.handed_on {

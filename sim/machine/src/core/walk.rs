@@ -35,9 +35,8 @@ pub(crate) struct Walk {
 }
 
 impl Walk {
-    /// The walk of the uop at place `uop`, issued at `now`: the first of its lines is due then, and the L1 has taken it if
-    /// `taken`.
-    pub(super) fn new(uop: usize, row: Row, lines: u32, now: Cycle, taken: bool) -> Walk {
+    /// The walk of the uop at place `uop`, issued at `now`: the first of its lines is due then.
+    pub(super) fn new(uop: usize, row: Row, lines: u32, now: Cycle) -> Walk {
         let gathers = row.kind().is_gather();
         Walk {
             uop,
@@ -46,8 +45,8 @@ impl Walk {
             done: 0,
             issued: now,
             due: now,
-            has_turn: taken,
-            taken,
+            has_turn: false,
+            taken: false,
             why: if gathers { Cause::GatherLines } else { Cause::L1 },
             last: now,
             ready: When::bare(now).plus(row.latency()),
@@ -56,8 +55,13 @@ impl Walk {
         }
     }
 
+    /// This walk, with a first line that the L1 has taken at `at`.
+    pub(super) fn taken_at(self, at: Cycle) -> Walk {
+        Walk { due: at, last: at, has_turn: true, taken: true, ..self }
+    }
+
     pub(super) fn idle() -> Walk {
-        Walk::new(0, Row::NONE, 0, 0, false)
+        Walk::new(0, Row::NONE, 0, 0)
     }
 
     /// This walk, with its next line to be handed on again.
@@ -107,8 +111,8 @@ impl Thread {
             }
             let line = self.line();
             // Where one line misses those behind it often do: the host fetches what they will need meanwhile.
-            if let Some(later) = self.stream.lines.get(self.line_pc + 2) {
-                shared.caches.prefetch(later.resolved(0));
+            if let Some(later) = self.line_ahead(2) {
+                shared.caches.prefetch(later);
             }
             match shared.hand_on(tables, line, kind, walk.due) {
                 Err(again) => walk = walk.again(again),
@@ -248,7 +252,7 @@ impl Shared {
         intent: Intent,
         now: Cycle,
     ) -> Result<Access, Again> {
-        match self.caches.l1_hit(&tables.access, line, intent != Intent::Read) {
+        match self.caches.l1_hit(&tables.access, line, intent != Intent::Read, now) {
             // A store goes into the store buffer: it is done at once.
             Ok(()) if intent != Intent::Read => Ok(Access::known(When::new(now + 1, Cause::L1), false)),
             Ok(()) => Ok(crate::cache::hit(&tables.access, now)),
@@ -277,7 +281,7 @@ impl Shared {
     /// lock waits with the uop.
     pub(super) fn locked(&mut self, tables: &CoreTables, line: u32, now: Cycle) -> Result<Access, Again> {
         let end = self.caches.locks.free(line, now) + tables.atomic_cycles;
-        self.caches.yield_to_claim(line, end);
+        self.caches.yield_to_claim(&tables.access, line, now, end)?;
         let access = self.caches.access(&tables.access, line, Intent::Write, now)?;
         if access.ready == When::NEVER {
             return Ok(access);

@@ -195,23 +195,58 @@ impl Rings {
         }
         let slots = self.slots[message as usize];
         let lane = self.lanes[message as usize].next();
-        let (mut waited, mut hops, mut at) = (0, 0, now);
-        let (legs, count) = legs(self.loops.len() - 1, self.places[from as usize], self.places[to as usize]);
-        for &Leg { ring, from, to } in &legs[..count] {
-            if from != to {
-                let ring = &self.loops[ring];
-                let ride = self.tracks.ride(ring, lane, from, to, slots, at, floor);
-                // All slots could be had one after the other from the first cycle on: the rest is waiting.
-                waited += ride.board - at - u64::from(slots - 1);
-                hops += ride.hops;
-                at = ride.board + ride.ride_cycles;
-            }
+        let [from, to] = [from, to].map(|core| self.places[core as usize]);
+        let mut trip = Trip { at: now, waited: 0, hops: 0 };
+        if from.ring == to.ring {
+            self.ride(from.ring as usize, lane, (from.stop, to.stop), slots, floor, &mut trip);
+        } else {
+            let bridge = self.loops.len() - 1;
+            self.ride(from.ring as usize, lane, (from.stop, 0), slots, floor, &mut trip);
+            self.ride(bridge, lane, (from.ring, to.ring), slots, floor, &mut trip);
+            self.ride(to.ring as usize, lane, (0, to.stop), slots, floor, &mut trip);
         }
         self.counters.messages += 1;
         self.lines += u64::from(message == Message::Line);
-        self.counters.slot_hops += u64::from(slots * hops);
-        self.counters.wait_cycles += waited;
-        Sent { at, waited }
+        self.counters.slot_hops += u64::from(slots * trip.hops);
+        self.counters.wait_cycles += trip.waited;
+        Sent { at: trip.at, waited: trip.waited }
+    }
+
+    /// Takes a message of `slots` slots along a ring from a stop to another.
+    #[inline]
+    fn ride(
+        &mut self,
+        ring: usize,
+        lane: u32,
+        (from, to): (u32, u32),
+        slots: u32,
+        floor: Cycle,
+        trip: &mut Trip,
+    ) {
+        if from == to {
+            return;
+        }
+        let Loop { stops, hop_cycles, track } = self.loops[ring];
+        let Boarding { board, ride_cycles, hops } = match track {
+            Track::Counts(ways, links) => {
+                self.tracks.counts.ride(ways + from * stops + to, links + 2 * lane, slots, trip.at, floor)
+            }
+            Track::Slots(belts) => {
+                let way = way(stops, from, to);
+                let direction = usize::from(way.directions[(trip.at & 1) as usize]);
+                let belt = &mut self.tracks.belts[(belts + 2 * lane) as usize + direction];
+                let (from, ride) = (from * hop_cycles, way.hops * hop_cycles);
+                let mut board = belt.board(from, ride, direction, trip.at, floor);
+                for _ in 1..slots {
+                    board = belt.board(from, ride, direction, board + 1, floor);
+                }
+                Boarding { board, ride_cycles: ride.into(), hops: way.hops }
+            }
+        };
+        // All slots could be had one after the other from the first cycle on: the rest is waiting.
+        trip.waited += board - trip.at - u64::from(slots - 1);
+        trip.hops += hops;
+        trip.at = board + ride_cycles;
     }
 
     /// Slots of links, one a hop, that are taken in cycles from `from` on, which is not before the floor.
@@ -262,21 +297,27 @@ impl Rings {
             Message::Address | Message::Acknowledge => 0,
             Message::Line => u64::from(self.spec.line_slots - 1),
         };
-        let (legs, count) = legs(self.loops.len() - 1, self.places[from as usize], self.places[to as usize]);
-        let cycles = |leg: &Leg| match way(self.loops[leg.ring].stops, leg.from, leg.to).hops {
+        let [from, to] = [from, to].map(|core| self.places[core as usize]);
+        let cycles = |ring: Loop, from, to| match way(ring.stops, from, to).hops {
             0 => 0,
-            hops => u64::from(hops * self.loops[leg.ring].hop_cycles) + tail,
+            hops => u64::from(hops * ring.hop_cycles) + tail,
         };
-        legs[..count].iter().map(cycles).sum()
+        let [ring, last] = [from.ring, to.ring].map(|ring| self.loops[ring as usize]);
+        if from.ring == to.ring {
+            return cycles(ring, from.stop, to.stop);
+        }
+        let bridge = self.loops[self.loops.len() - 1];
+        cycles(ring, from.stop, 0) + cycles(bridge, from.ring, to.ring) + cycles(last, 0, to.stop)
     }
 }
 
-/// A part of the way of a message: along one ring, from stop to stop.
+/// How far a message has come.
 #[derive(Debug, Clone, Copy)]
-struct Leg {
-    ring: usize,
-    from: u32,
-    to: u32,
+struct Trip {
+    at: Cycle,
+    /// Cycles of that in which it waited for slots.
+    waited: Cycle,
+    hops: u32,
 }
 
 /// When the last slot of a message boards a ring, and its ride.
@@ -285,54 +326,6 @@ struct Boarding {
     board: Cycle,
     ride_cycles: Cycle,
     hops: u32,
-}
-
-/// How a message goes from place to place, and in how many legs: on one ring, or by the ring of rings, `bridge`, from one to
-/// another.
-#[inline(always)]
-fn legs(bridge: usize, from: Place, to: Place) -> ([Leg; 3], usize) {
-    let leg = |ring, from, to| Leg { ring, from, to };
-    if from.ring == to.ring {
-        let only = leg(from.ring as usize, from.stop, to.stop);
-        return ([only; 3], 1);
-    }
-    let out = leg(from.ring as usize, from.stop, 0);
-    let across = leg(bridge, from.ring, to.ring);
-    ([out, across, leg(to.ring as usize, 0, to.stop)], 3)
-}
-
-impl Tracks {
-    /// Takes a message of `slots` slots along a ring from a stop to another; returns when its last slot boards, and the
-    /// ride.
-    #[inline(always)]
-    #[expect(clippy::too_many_arguments, reason = "inlined into the one place that carries a message")]
-    fn ride(
-        &mut self,
-        ring: &Loop,
-        lane: u32,
-        from: u32,
-        to: u32,
-        slots: u32,
-        now: Cycle,
-        floor: Cycle,
-    ) -> Boarding {
-        match ring.track {
-            Track::Counts(ways, links) => {
-                self.counts.ride(ways + from * ring.stops + to, links + 2 * lane, slots, now, floor)
-            }
-            Track::Slots(belts) => {
-                let way = way(ring.stops, from, to);
-                let direction = usize::from(way.directions[(now & 1) as usize]);
-                let belt = &mut self.belts[(belts + 2 * lane) as usize + direction];
-                let (from, ride) = (from * ring.hop_cycles, way.hops * ring.hop_cycles);
-                let mut board = belt.board(from, ride, direction, now, floor);
-                for _ in 1..slots {
-                    board = belt.board(from, ride, direction, board + 1, floor);
-                }
-                Boarding { board, ride_cycles: ride.into(), hops: way.hops }
-            }
-        }
-    }
 }
 
 /// First core of a ring: cores are spread as evenly as they go.
