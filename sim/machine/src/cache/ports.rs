@@ -36,26 +36,26 @@ impl Ports {
         self.base
     }
 
-    /// Takes a port in the first cycle from `now` on, before `end`, in which one is left; `None`, and nothing changed, when
-    /// there is none. Both lie in the window.
+    /// Takes a port in the cycle `now`, which lies in the window, if one is left.
     #[inline(always)]
-    pub(crate) fn take(&mut self, now: Cycle, end: Cycle) -> Option<Cycle> {
+    pub(crate) fn take_now(&mut self, now: Cycle) -> bool {
         let bit = 1 << ((now - self.base) & 63);
-        if now < end && self.taken[0] & bit == 0 {
-            self.taken[0] |= bit;
-            return Some(now);
-        }
-        self.take_another(now, end)
+        let free = self.taken[0] & bit == 0;
+        self.taken[0] |= bit;
+        free || self.take_another(bit)
     }
 
-    /// Takes a port where the first is taken at `now`.
+    /// Takes a port behind the first in the cycle of `bit`, if one is left.
     #[inline(never)]
-    fn take_another(&mut self, now: Cycle, end: Cycle) -> Option<Cycle> {
-        (now..end).find(|cycle| {
-            let bit = 1 << ((cycle - self.base) & 63);
-            let port = self.taken[..self.count].iter_mut().find(|taken| **taken & bit == 0);
-            port.map(|taken| *taken |= bit).is_some()
-        })
+    fn take_another(&mut self, bit: u64) -> bool {
+        let port = self.taken[1..self.count].iter_mut().find(|taken| **taken & bit == 0);
+        port.map(|taken| *taken |= bit).is_some()
+    }
+
+    /// Takes a port in the first cycle from `now` on, before `end`, in which one is left; `None`, and nothing changed, when
+    /// there is none.
+    pub(crate) fn take(&mut self, now: Cycle, end: Cycle) -> Option<Cycle> {
+        (now..end).find(|cycle| self.take_now(*cycle))
     }
 }
 

@@ -362,18 +362,20 @@ impl Thread {
         let lines = uop >> 24;
         if lines == 1
             && let Some(intent) = row.loads_or_stores()
-            && let Some(at) = shared.caches.ports.take(now.at(), end)
         {
-            // The common case: one line, which the L1 takes before the window is over, mostly at once, and has.
-            let line = self.line();
-            return match shared.caches.l1_hit(&tables.access, line, intent != Intent::Read, at) {
-                Ok(()) => {
-                    self.line_pc += 1;
-                    self.ready[pc % 256] = When::bare(at).plus(row.latency());
-                    if at == now.at() { When::ZERO } else { When::new(at + 1, Cause::L1) }
+            if shared.caches.ports.take_now(now.at()) {
+                // The common case: one line, which the L1 takes here and now, and has.
+                let line = self.line();
+                if let Err(slot) = shared.caches.l1_hit(&tables.access, line, intent != Intent::Read, now.at()) {
+                    return self.load_or_store(tables, shared, (pc, row), slot, (now, now.at()), end);
                 }
-                Err(slot) => self.miss_one_line(tables, shared, (pc, row), slot, (now.at(), at), end),
-            };
+                self.line_pc += 1;
+                self.ready[pc % 256] = now.plus(row.latency());
+                return When::ZERO;
+            }
+            if let Some(at) = shared.caches.ports.take(now.at() + 1, end) {
+                return self.load_or_store_later(tables, shared, (pc, row), (now, at), end);
+            }
         }
         self.begin_walk(tables, shared, (pc, row, lines), now, end)
     }
@@ -392,22 +394,51 @@ impl Thread {
         self.advance_walk(tables, shared, walk, end)
     }
 
-    /// Hands on the one line of the uop at `pc`, issued at `issued`, which the L1 has taken at `at` and found in `slot` if at all,
-    /// but not ready.
+    /// Hands on the one line of the load or store at `pc`, issued at `now`, a bare time, which the L1 has taken at `at`, later.
     #[inline(never)]
-    fn miss_one_line(
+    fn load_or_store_later(
+        &mut self,
+        tables: &CoreTables,
+        shared: &mut Shared,
+        (pc, row): (usize, Row),
+        (now, at): (When, Cycle),
+        end: Cycle,
+    ) -> When {
+        let line = self.line();
+        let intent = row.kind().intent();
+        match shared.caches.l1_hit(&tables.access, line, intent != Intent::Read, at) {
+            Ok(()) => self.end_hit(pc, row, now, at),
+            Err(slot) => self.load_or_store(tables, shared, (pc, row), slot, (now, at), end),
+        }
+    }
+
+    /// The one line of the load or store at `pc`, issued at `now`, a bare time, was in the L1 at `at`. Returns when the thread may
+    /// go on.
+    fn end_hit(&mut self, pc: usize, row: Row, now: When, at: Cycle) -> When {
+        self.line_pc += 1;
+        self.ready[pc % 256] = When::bare(at).plus(row.latency());
+        if at == now.at() { When::ZERO } else { When::new(at + 1, Cause::L1) }
+    }
+
+    /// Hands on the one line of the load or store at `pc`, issued at `now`, a bare time, which the L1 has taken at `at` and found
+    /// in `slot` if at all, but not ready when it looked.
+    #[inline(never)]
+    fn load_or_store(
         &mut self,
         tables: &CoreTables,
         shared: &mut Shared,
         (pc, row): (usize, Row),
         slot: Option<Slot>,
-        (issued, at): (Cycle, Cycle),
+        (now, at): (When, Cycle),
         end: Cycle,
     ) -> When {
         let line = self.line();
         let intent = row.kind().intent();
+        if shared.caches.has_arrived(line, slot, intent, at) {
+            return self.end_hit(pc, row, now, at);
+        }
         let result = shared.load_or_store_beyond_hit(tables, line, slot, intent, at);
-        let walk = Walk::new(pc, row, 1, issued).taken_at(at);
+        let walk = Walk::new(pc, row, 1, now.at()).taken_at(at);
         self.end_one_line(tables, shared, walk, line, result, end)
     }
 
