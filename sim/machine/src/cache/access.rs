@@ -141,24 +141,25 @@ impl CoreCaches {
         // Nobody has looked for it while its address was not translated.
         let l1_slot = if rules.translates { self.l1.find(line) } else { l1_slot };
 
-        if self.has_arrived(line, l1_slot, intent, now) {
-            return Ok(hit(rules, now));
-        }
         if let Some(slot) = l1_slot {
             let bits = self.l1.bits(slot);
-            // On its way: wait for the same fill.
-            if (!write || bits & Tags::WRITABLE != 0)
-                && let Some((place, fill)) = self.l1_mshrs.in_flight(line, now)
-            {
-                self.use_l1(slot, bits, write);
-                self.l1_counters.merged += 1;
-                let earliest = now + rules.l1_hit_cycles;
-                return Ok(Access {
-                    ready: fill.not_before(earliest),
-                    missed: true,
-                    mshr: self.l1_mshrs.below(place),
-                    not_before: earliest.max(self.l1_mshrs.not_before(place)),
-                });
+            if !write || bits & Tags::WRITABLE != 0 {
+                // On its way: wait for the same fill.
+                if let Some((place, fill)) = self.l1_mshrs.in_flight(line, now) {
+                    self.use_l1(slot, bits, write);
+                    self.l1_counters.merged += 1;
+                    let earliest = now + rules.l1_hit_cycles;
+                    return Ok(Access {
+                        ready: fill.not_before(earliest),
+                        missed: true,
+                        mshr: self.l1_mshrs.below(place),
+                        not_before: earliest.max(self.l1_mshrs.not_before(place)),
+                    });
+                }
+                // It has arrived since.
+                self.use_l1(slot, bits & !Tags::PENDING, write);
+                self.l1_counters.hits += 1;
+                return Ok(hit(rules, now));
             }
         }
 
@@ -213,27 +214,6 @@ impl CoreCaches {
             self.run_ahead(rules, line, missed, spared, now);
         }
         Ok(Access { ready, missed: true, mshr, not_before })
-    }
-
-    /// An access to `line`, whose address is translated and which lies in `slot` of the L1 if at all, when it was on its way and
-    /// has arrived by `now`: a hit. Else it returns false, and nothing has changed.
-    #[inline(never)]
-    pub(crate) fn has_arrived(&mut self, line: u32, slot: Option<Slot>, intent: Intent, now: Cycle) -> bool {
-        let Some(slot) = slot else { return false };
-        let write = intent != Intent::Read;
-        let bits = self.l1.bits(slot);
-        if write && bits & Tags::WRITABLE == 0 {
-            return false;
-        }
-        // A thread that runs after this one in the same window may come before the fill that this one comes after.
-        let bits = match self.l1_mshrs.in_flight(line, self.ports.base()) {
-            Some((_, fill)) if fill.at() > now => return false,
-            Some(_) => bits,
-            None => bits & !Tags::PENDING,
-        };
-        self.use_l1(slot, bits, write);
-        self.l1_counters.hits += 1;
-        true
     }
 
     /// Has the address of `line` translated; `Err` when that takes until later.
@@ -291,19 +271,15 @@ impl CoreCaches {
             if intent == Intent::Read || owned {
                 self.l2.touch(slot);
                 let state = if intent == Intent::Read { 0 } else { State::M as u8 };
-                let pending = bits & Tags::PENDING != 0;
-                let in_flight =
-                    if pending { self.l2_mshrs.in_flight(line, self.ports.base()) } else { None };
-                if let Some((place, fill)) = in_flight
-                    && fill.at() > now
+                if bits & Tags::PENDING != 0
+                    && let Some((place, fill)) = self.l2_mshrs.in_flight(line, now)
                 {
                     self.l2.set_bits(slot, bits | state);
                     self.l2_counters.merged += 1;
                     let ready = fill.not_before(now + rules.l2_hit_cycles);
                     return Ok(L2Access { ready, owned, missed: false, mshr: place as u16 });
                 }
-                let bits = if in_flight.is_some() { bits } else { bits & !Tags::PENDING };
-                self.l2.set_bits(slot, bits | state);
+                self.l2.set_bits(slot, bits & !Tags::PENDING | state);
                 self.l2_counters.hits += 1;
                 let ready = When::new(now + rules.l2_hit_cycles, Cause::L2);
                 return Ok(L2Access { ready, owned, missed: false, mshr: 0 });

@@ -362,20 +362,21 @@ impl Thread {
         let lines = uop >> 24;
         if lines == 1
             && let Some(intent) = row.loads_or_stores()
+            && shared.caches.ports.take_now(now.at())
         {
-            if shared.caches.ports.take_now(now.at()) {
-                // The common case: one line, which the L1 takes here and now, and has.
-                let line = self.line();
-                if let Err(slot) = shared.caches.l1_hit(&tables.access, line, intent != Intent::Read, now.at()) {
-                    return self.load_or_store(tables, shared, (pc, row), slot, (now, now.at()), end);
+            // The common case: one line, which the L1 takes here and now, and has.
+            let line = self.line();
+            return match shared.caches.l1_hit(&tables.access, line, intent != Intent::Read, now.at()) {
+                Ok(()) => {
+                    self.line_pc += 1;
+                    self.ready[pc % 256] = now.plus(row.latency());
+                    When::ZERO
                 }
-                self.line_pc += 1;
-                self.ready[pc % 256] = now.plus(row.latency());
-                return When::ZERO;
-            }
-            if let Some(at) = shared.caches.ports.take(now.at() + 1, end) {
-                return self.load_or_store_later(tables, shared, (pc, row), (now, at), end);
-            }
+                Err(slot) => self.miss_one_line(tables, shared, (pc, row), slot, now, end),
+            };
+        }
+        if let Some(intent) = row.loads_or_stores() {
+            return self.load_or_store(tables, shared, (pc, row, lines), intent, now, end);
         }
         self.begin_walk(tables, shared, (pc, row, lines), now, end)
     }
@@ -394,51 +395,52 @@ impl Thread {
         self.advance_walk(tables, shared, walk, end)
     }
 
-    /// Hands on the one line of the load or store at `pc`, issued at `now`, a bare time, which the L1 has taken at `at`, later.
-    #[inline(never)]
-    fn load_or_store_later(
-        &mut self,
-        tables: &CoreTables,
-        shared: &mut Shared,
-        (pc, row): (usize, Row),
-        (now, at): (When, Cycle),
-        end: Cycle,
-    ) -> When {
-        let line = self.line();
-        let intent = row.kind().intent();
-        match shared.caches.l1_hit(&tables.access, line, intent != Intent::Read, at) {
-            Ok(()) => self.end_hit(pc, row, now, at),
-            Err(slot) => self.load_or_store(tables, shared, (pc, row), slot, (now, at), end),
-        }
-    }
-
-    /// The one line of the load or store at `pc`, issued at `now`, a bare time, was in the L1 at `at`. Returns when the thread may
-    /// go on.
-    fn end_hit(&mut self, pc: usize, row: Row, now: When, at: Cycle) -> When {
-        self.line_pc += 1;
-        self.ready[pc % 256] = When::bare(at).plus(row.latency());
-        if at == now.at() { When::ZERO } else { When::new(at + 1, Cause::L1) }
-    }
-
-    /// Hands on the one line of the load or store at `pc`, issued at `now`, a bare time, which the L1 has taken at `at` and found
-    /// in `slot` if at all, but not ready when it looked.
+    /// Hands on the lines of the load or store at `pc`, one a cycle, as long as the L1 takes them before `end` and has them; from
+    /// the first that it has not, the uop is walked.
     #[inline(never)]
     fn load_or_store(
         &mut self,
         tables: &CoreTables,
         shared: &mut Shared,
+        (pc, row, lines): (usize, Row, u32),
+        intent: Intent,
+        now: When,
+        end: Cycle,
+    ) -> When {
+        let mut due = now.at();
+        for done in 0..lines {
+            let port = shared.caches.ports.take(due, end);
+            let is_there = port.is_some_and(|at| {
+                due = at;
+                shared.caches.l1_hit(&tables.access, self.line(), intent != Intent::Read, at).is_ok()
+            });
+            if !is_there {
+                let walk = Walk::new(pc, row, lines, now.at()).behind(done, due, port.is_some());
+                return self.advance_walk(tables, shared, walk, end);
+            }
+            self.line_pc += 1;
+            due += 1;
+        }
+        self.ready[pc % 256] = When::bare(due - 1).plus(row.latency());
+        When::new(due, Cause::L1)
+    }
+
+    /// Hands on the one line of the load or store at `pc`, which the L1 has taken at `now` and found in `slot` if at all, but not
+    /// ready.
+    #[inline(never)]
+    fn miss_one_line(
+        &mut self,
+        tables: &CoreTables,
+        shared: &mut Shared,
         (pc, row): (usize, Row),
         slot: Option<Slot>,
-        (now, at): (When, Cycle),
+        now: When,
         end: Cycle,
     ) -> When {
         let line = self.line();
         let intent = row.kind().intent();
-        if shared.caches.has_arrived(line, slot, intent, at) {
-            return self.end_hit(pc, row, now, at);
-        }
-        let result = shared.load_or_store_beyond_hit(tables, line, slot, intent, at);
-        let walk = Walk::new(pc, row, 1, now.at()).taken_at(at);
+        let result = shared.load_or_store_beyond_hit(tables, line, slot, intent, now.at());
+        let walk = Walk::new(pc, row, 1, now.at()).behind(0, now.at(), true);
         self.end_one_line(tables, shared, walk, line, result, end)
     }
 

@@ -55,9 +55,11 @@ impl Walk {
         }
     }
 
-    /// This walk, with a first line that the L1 has taken at `at`.
-    pub(super) fn taken_at(self, at: Cycle) -> Walk {
-        Walk { due: at, last: at, has_turn: true, taken: true, ..self }
+    /// This walk of a load or a store of whose lines `done` have been handed on, one a cycle, and have hit: the next is due at
+    /// `due`, and the L1 has taken it for then if `taken`.
+    pub(super) fn behind(self, done: u32, due: Cycle, taken: bool) -> Walk {
+        let last = if done > 0 { due - 1 } else { self.issued };
+        Walk { done, due, last, taken, has_turn: taken, ready: When::bare(last).plus(self.row.latency()), ..self }
     }
 
     pub(super) fn idle() -> Walk {
@@ -126,7 +128,7 @@ impl Thread {
                 }
             }
         }
-        self.end_walk(tables, shared, walk)
+        self.end_walk(tables, shared, &walk)
     }
 
     /// Keeps what the walk has to know of a line that was handed on.
@@ -161,7 +163,7 @@ impl Thread {
     }
 
     /// All lines are handed on. Returns when the thread may go on.
-    fn end_walk(&mut self, tables: &CoreTables, shared: &mut Shared, walk: Walk) -> When {
+    fn end_walk(&mut self, tables: &CoreTables, shared: &mut Shared, walk: &Walk) -> When {
         self.state = State::Running;
         let kind = walk.row.kind();
         let mut hold = When::new(walk.last, walk.why);
@@ -214,7 +216,7 @@ impl Thread {
             Ok(access) => {
                 self.line_pc += 1;
                 self.note_access(tables, shared, &mut walk, line, access);
-                self.end_walk(tables, shared, walk)
+                self.end_walk(tables, shared, &walk)
             }
         }
     }
