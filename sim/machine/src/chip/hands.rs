@@ -44,8 +44,13 @@ pub(super) trait Hands {
 
 /// Runs the first `active` cores of a group from `start` to before `end`.
 fn run_group(group: &mut Group, active: usize, tables: &CoreTables, start: Cycle, end: Cycle) {
-    for core in group.iter_mut().take(active).flatten() {
-        core.run_window(tables, start, end);
+    for index in 0..active.min(group.len()) {
+        if let Some(Some(next)) = group.get(index + 1) {
+            next.prefetch();
+        }
+        if let Some(core) = &mut group[index] {
+            core.run_window(tables, start, end);
+        }
     }
 }
 

@@ -59,15 +59,19 @@ impl Agenda {
     }
 
     /// When the next leg is due; [`Cycle::MAX`] when there is none.
+    #[inline(always)]
     pub(super) fn next(&self) -> Cycle {
         self.due.peek().map_or(Cycle::MAX, |Reverse(due)| due.at)
     }
 
     /// The next leg that is due by `now`.
+    #[inline(always)]
     pub(super) fn pop(&mut self, now: Cycle) -> Option<(TransactionId, Leg, Cycle)> {
-        if self.next() > now {
-            return None;
-        }
+        if self.next() > now { None } else { self.pop_first() }
+    }
+
+    #[inline(never)]
+    fn pop_first(&mut self) -> Option<(TransactionId, Leg, Cycle)> {
         self.due.pop().map(|Reverse(due)| (due.transaction, due.leg, due.at))
     }
 

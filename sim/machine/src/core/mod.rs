@@ -173,6 +173,17 @@ impl Core {
         self.update_wake();
     }
 
+    /// Asks the host for what a window will look at first.
+    #[inline(always)]
+    pub(crate) fn prefetch(&self) {
+        self.threads.iter().for_each(Thread::prefetch);
+        for message in &self.inbox {
+            if let Message::Answer { mshr, .. } = message {
+                self.shared.caches.prefetch_answer(*mshr);
+            }
+        }
+    }
+
     /// Finds [`Core::wake`] again after threads moved.
     #[inline]
     pub(crate) fn update_wake(&mut self) {

@@ -19,8 +19,9 @@ const EMPTY: u64 = u64::MAX / 255 * (128 - WINDOW);
 /// Links of rings of up to [`STOPS_MAX`] stops.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Counts {
-    /// The ways from each stop to each other, row by row, for each size and speed of ring.
-    ways: Vec<CountedWay>,
+    /// The ways from each stop to each other, row by row, for each size and speed of ring; of each way two, for even cycles and
+    /// for odd ones, which take turns where both ways round are as short.
+    ways: Vec<[CountedWay; 2]>,
     /// By ring, lane and direction; near windows.
     links: Vec<Near<Taken, 64>>,
     far: Far<Taken>,
@@ -30,12 +31,12 @@ pub(super) struct Counts {
     pub(super) fault: Option<crate::laws::Fault>,
 }
 
-/// The shortest way from a stop to another; by parity of the cycle, which decides between two that are as short.
-#[derive(Debug, Clone, PartialEq, Eq)]
+/// The shortest way from a stop to another.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct CountedWay {
-    rides: [Ride; 2],
-    directions: [u8; 2],
-    hops: u32,
+    ride: Ride,
+    direction: u8,
+    hops: u8,
     ride_cycles: u32,
 }
 
@@ -68,12 +69,12 @@ impl Counts {
                 0 => Ride::new(from, way.hops, stops),
                 _ => Ride::new(from + stops - way.hops, way.hops, stops),
             };
-            CountedWay {
-                rides: way.directions.map(ride),
-                directions: way.directions,
-                hops: way.hops,
+            way.directions.map(|direction| CountedWay {
+                ride: ride(direction),
+                direction,
+                hops: way.hops as u8,
                 ride_cycles: way.hops * hop_cycles,
-            }
+            })
         };
         self.ways.extend((0..stops).flat_map(|from| (0..stops).map(move |to| counted(from, to))));
         first as u32
@@ -83,15 +84,13 @@ impl Counts {
     /// slot boards, and the ride.
     #[inline(always)]
     pub(super) fn ride(&mut self, way: u32, links: u32, slots: u32, now: Cycle, floor: Cycle) -> Boarding {
-        let way = &self.ways[way as usize];
-        let parity = (now & 1) as usize;
-        let (ride, ride_cycles, hops) = (way.rides[parity], way.ride_cycles.into(), way.hops);
-        let row = links + u32::from(way.directions[parity]);
+        let CountedWay { ride, direction, hops, ride_cycles } = self.ways[way as usize][(now & 1) as usize];
+        let row = links + u32::from(direction);
         let mut board = self.board(row, ride, now, floor);
         for _ in 1..slots {
             board = self.board(row, ride, board + 1, floor);
         }
-        Boarding { board, ride_cycles, hops }
+        Boarding { board, ride_cycles: ride_cycles.into(), hops: hops.into() }
     }
 
     /// Takes one slot of each link of a ride.

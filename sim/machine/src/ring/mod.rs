@@ -196,15 +196,15 @@ impl Rings {
         let slots = self.slots[message as usize];
         let lane = self.lanes[message as usize].next();
         let [from, to] = [from, to].map(|core| self.places[core as usize]);
-        let mut trip = Trip { at: now, waited: 0, hops: 0 };
-        if from.ring == to.ring {
-            self.ride(from.ring as usize, lane, (from.stop, to.stop), slots, floor, &mut trip);
+        let trip = Trip { at: now, waited: 0, hops: 0 };
+        let trip = if from.ring == to.ring {
+            self.ride(from.ring as usize, lane, (from.stop, to.stop), slots, floor, trip)
         } else {
             let bridge = self.loops.len() - 1;
-            self.ride(from.ring as usize, lane, (from.stop, 0), slots, floor, &mut trip);
-            self.ride(bridge, lane, (from.ring, to.ring), slots, floor, &mut trip);
-            self.ride(to.ring as usize, lane, (0, to.stop), slots, floor, &mut trip);
-        }
+            let trip = self.ride(from.ring as usize, lane, (from.stop, 0), slots, floor, trip);
+            let trip = self.ride(bridge, lane, (from.ring, to.ring), slots, floor, trip);
+            self.ride(to.ring as usize, lane, (0, to.stop), slots, floor, trip)
+        };
         self.counters.messages += 1;
         self.lines += u64::from(message == Message::Line);
         self.counters.slot_hops += u64::from(slots * trip.hops);
@@ -212,8 +212,8 @@ impl Rings {
         Sent { at: trip.at, waited: trip.waited }
     }
 
-    /// Takes a message of `slots` slots along a ring from a stop to another.
-    #[inline]
+    /// Takes a message of `slots` slots, which has come as far as `trip`, along a ring from a stop to another.
+    #[inline(always)]
     fn ride(
         &mut self,
         ring: usize,
@@ -221,32 +221,25 @@ impl Rings {
         (from, to): (u32, u32),
         slots: u32,
         floor: Cycle,
-        trip: &mut Trip,
-    ) {
+        trip: Trip,
+    ) -> Trip {
         if from == to {
-            return;
+            return trip;
         }
-        let Loop { stops, hop_cycles, track } = self.loops[ring];
-        let Boarding { board, ride_cycles, hops } = match track {
+        let ring = self.loops[ring];
+        let Boarding { board, ride_cycles, hops } = match ring.track {
             Track::Counts(ways, links) => {
-                self.tracks.counts.ride(ways + from * stops + to, links + 2 * lane, slots, trip.at, floor)
+                let way = ways + from * ring.stops + to;
+                self.tracks.counts.ride(way, links + 2 * lane, slots, trip.at, floor)
             }
-            Track::Slots(belts) => {
-                let way = way(stops, from, to);
-                let direction = usize::from(way.directions[(trip.at & 1) as usize]);
-                let belt = &mut self.tracks.belts[(belts + 2 * lane) as usize + direction];
-                let (from, ride) = (from * hop_cycles, way.hops * hop_cycles);
-                let mut board = belt.board(from, ride, direction, trip.at, floor);
-                for _ in 1..slots {
-                    board = belt.board(from, ride, direction, board + 1, floor);
-                }
-                Boarding { board, ride_cycles: ride.into(), hops: way.hops }
-            }
+            Track::Slots(belts) => self.tracks.board(ring, belts + 2 * lane, (from, to), slots, trip.at, floor),
         };
-        // All slots could be had one after the other from the first cycle on: the rest is waiting.
-        trip.waited += board - trip.at - u64::from(slots - 1);
-        trip.hops += hops;
-        trip.at = board + ride_cycles;
+        Trip {
+            at: board + ride_cycles,
+            // All slots could be had one after the other from the first cycle on: the rest is waiting.
+            waited: trip.waited + (board - trip.at - u64::from(slots - 1)),
+            hops: trip.hops + hops,
+        }
     }
 
     /// Slots of links, one a hop, that are taken in cycles from `from` on, which is not before the floor.
@@ -326,6 +319,30 @@ struct Boarding {
     board: Cycle,
     ride_cycles: Cycle,
     hops: u32,
+}
+
+impl Tracks {
+    /// Takes a message of `slots` slots along a ring whose every slot is known, on the belts from `belts` on, up and down.
+    #[inline(never)]
+    fn board(
+        &mut self,
+        ring: Loop,
+        belts: u32,
+        (from, to): (u32, u32),
+        slots: u32,
+        now: Cycle,
+        floor: Cycle,
+    ) -> Boarding {
+        let way = way(ring.stops, from, to);
+        let direction = usize::from(way.directions[(now & 1) as usize]);
+        let belt = &mut self.belts[belts as usize + direction];
+        let (from, ride) = (from * ring.hop_cycles, way.hops * ring.hop_cycles);
+        let mut board = belt.board(from, ride, direction, now, floor);
+        for _ in 1..slots {
+            board = belt.board(from, ride, direction, board + 1, floor);
+        }
+        Boarding { board, ride_cycles: ride.into(), hops: way.hops }
+    }
 }
 
 /// First core of a ring: cores are spread as evenly as they go.
