@@ -103,6 +103,8 @@ pub(crate) fn far_from<M: Marks>(far: &Far<M>, first: u64) -> impl Iterator<Item
 pub(crate) struct Hints<K> {
     /// By kind and first time: the end. Stretches of a kind do not touch.
     stretches: BTreeMap<(K, u64), u64>,
+    /// The last end of all: behind it nothing is known.
+    end: u64,
     /// Number of stretches at which those that have passed are thrown away.
     prune_at: usize,
 }
@@ -112,15 +114,17 @@ impl<K: Ord + Copy> Hints<K> {
     pub(crate) const LONG: u64 = 256;
 
     pub(crate) const fn new() -> Hints<K> {
-        Hints { stretches: BTreeMap::new(), prune_at: 16 }
+        Hints { stretches: BTreeMap::new(), end: 0, prune_at: 16 }
     }
 
     /// The first time at or after `at` that is not known to be in vain.
     #[inline]
     pub(crate) fn skip(&self, kind: K, at: u64) -> u64 {
-        if self.stretches.is_empty() {
-            return at;
-        }
+        if at >= self.end { at } else { self.skip_known(kind, at) }
+    }
+
+    #[inline(never)]
+    fn skip_known(&self, kind: K, at: u64) -> u64 {
         let before = self.stretches.range((kind, 0)..=(kind, at)).next_back();
         before.map_or(at, |(_, &end)| end.max(at))
     }
@@ -134,6 +138,7 @@ impl<K: Ord + Copy> Hints<K> {
             self.stretches.retain(|_, end| *end > floor);
             self.prune_at = 16 + 2 * self.stretches.len();
         }
+        self.end = self.end.max(to);
         // All that touch become one.
         let before = self.stretches.range_mut((kind, 0)..=(kind, from)).next_back();
         match before.filter(|(_, end)| **end >= from) {

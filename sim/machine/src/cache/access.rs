@@ -360,12 +360,6 @@ impl CoreCaches {
         self.l2.prefetch(line);
     }
 
-    /// Asks the host for what the answer to MSHR `mshr` of the L2 will look at.
-    #[inline(always)]
-    pub(crate) fn prefetch_answer(&self, mshr: u16) {
-        self.l2.prefetch(self.l2_mshrs.line(mshr.into()));
-    }
-
     /// Reads or writes the line in `slot` of the L1, which has `bits`.
     #[inline(always)]
     fn use_l1(&mut self, slot: Slot, bits: u8, write: bool) {

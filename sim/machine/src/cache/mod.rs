@@ -29,7 +29,7 @@ mod tests;
 pub(crate) use access::{Access, AccessRules, Again, hit};
 pub(crate) use locks::Locks;
 pub(crate) use mshr::Mshrs;
-pub(crate) use ports::{Ports, WINDOW_MAX};
+pub(crate) use ports::{PORTS_MAX, Ports, WINDOW_MAX};
 pub(crate) use prefetcher::Prefetcher;
 pub(crate) use tags::{Slot, Tags};
 pub(crate) use tlb::Tlb;
@@ -53,7 +53,10 @@ pub(crate) enum Intent {
 
 /// The caches of one core.
 #[derive(Debug, Clone, PartialEq)]
+#[repr(C)]
 pub(crate) struct CoreCaches {
+    /// What leaves the core with the end of its window, or of the cycle: beside what else others look at of a core.
+    pub(crate) outbox: Vec<Request>,
     pub(crate) l1: Tags,
     pub(crate) l2: Tags,
     pub(crate) l1_mshrs: Mshrs,
@@ -71,8 +74,6 @@ pub(crate) struct CoreCaches {
     /// What other cores have claimed and is not due yet, in the order in which it was served, and when the first is due.
     claims: Vec<Claim>,
     next_claim: Cycle,
-    /// What leaves the core with the end of its window, or of the cycle.
-    pub(crate) outbox: Vec<Request>,
     pub(crate) l1_counters: CacheCounters,
     pub(crate) l2_counters: CacheCounters,
     /// A defect to be seeded.

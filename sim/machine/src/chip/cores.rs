@@ -4,30 +4,26 @@ use crate::Cycle;
 use crate::coherence::{Peers, State};
 use crate::core::{Core, CoreTables};
 use crate::exchange::Message;
+use std::sync::{Mutex, PoisonError};
 
-/// The cores that one host thread runs; `None` until a core's first task.
-pub(super) type Group = Vec<Option<Box<Core>>>;
+/// The place of a core; `None` until its first task. Host threads that run cores side by side lock them; who has them all to
+/// itself need not.
+pub(super) type Slot = Mutex<Option<Box<Core>>>;
 
-/// All cores, dealt to as many groups as host threads run them: core `i` is in group `i mod groups`.
+/// All cores.
 pub(super) struct Cores {
-    groups: Vec<Group>,
-    count: usize,
+    slots: Vec<Slot>,
     /// Cores that take part in the step: the first so many.
     active: usize,
 }
 
 impl Cores {
-    pub(super) fn new(count: usize, groups: usize) -> Cores {
-        let size = |group: usize| (count + groups - 1 - group) / groups;
-        Cores {
-            groups: (0..groups).map(|group| (0..size(group)).map(|_| None).collect()).collect(),
-            count,
-            active: 0,
-        }
+    pub(super) fn new(count: usize) -> Cores {
+        Cores { slots: (0..count).map(|_| Slot::default()).collect(), active: 0 }
     }
 
     pub(super) fn len(&self) -> usize {
-        self.count
+        self.slots.len()
     }
 
     pub(super) fn active(&self) -> usize {
@@ -39,23 +35,14 @@ impl Cores {
         self.active = count;
     }
 
-    /// The groups, to be lent to host threads.
-    pub(super) fn groups(&mut self) -> &mut [Group] {
-        &mut self.groups
+    /// The places of all cores, to be lent to host threads.
+    pub(super) fn slots(&mut self) -> &mut Vec<Slot> {
+        &mut self.slots
     }
 
     #[inline(always)]
     pub(super) fn slot(&mut self, core: usize) -> &mut Option<Box<Core>> {
-        let groups = self.groups.len();
-        if groups == 1 { &mut self.groups[0][core] } else { &mut self.groups[core % groups][core / groups] }
-    }
-
-    #[inline(always)]
-    fn get(&self, core: usize) -> Option<&Core> {
-        let groups = self.groups.len();
-        let slot =
-            if groups == 1 { &self.groups[0][core] } else { &self.groups[core % groups][core / groups] };
-        slot.as_deref()
+        self.slots[core].get_mut().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// A core that takes part in the step.
@@ -74,7 +61,7 @@ impl Cores {
 
     /// Calls `f` with every core that has ever run, in order.
     pub(super) fn each(&mut self, mut f: impl FnMut(&mut Core)) {
-        for core in 0..self.count {
+        for core in 0..self.len() {
             if let Some(core) = self.slot(core) {
                 f(core);
             }
@@ -100,13 +87,13 @@ pub(super) struct AsPeers<'a> {
 }
 
 impl Peers for AsPeers<'_> {
-    fn state(&self, core: u32, line: u32) -> State {
-        self.cores.get(core as usize).map_or(State::I, |core| core.shared.caches.state_of(line))
+    fn state(&mut self, core: u32, line: u32) -> State {
+        self.cores.slot(core as usize).as_ref().map_or(State::I, |core| core.shared.caches.state_of(line))
     }
 
     #[inline(always)]
-    fn unlocked(&self, core: u32, line: u32, now: Cycle) -> Cycle {
-        self.cores.get(core as usize).map_or(now, |core| core.shared.caches.locks.free(line, now))
+    fn unlocked(&mut self, core: u32, line: u32, now: Cycle) -> Cycle {
+        self.cores.slot(core as usize).as_ref().map_or(now, |core| core.shared.caches.locks.free(line, now))
     }
 
     #[inline(always)]

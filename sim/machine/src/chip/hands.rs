@@ -1,9 +1,10 @@
 //! Who runs the cores on the host: one thread, or a crew of them.
 //!
-//! Cores do not know of one another inside a window, and each host thread has cores of its own, so what comes out does not
-//! depend on who is faster. Between two windows the calling thread alone has everything.
+//! Cores do not know of one another inside a window, so what comes out does not depend on who runs them. Each host thread
+//! begins with cores of its own, which its caches know from the last window, and who is done helps the others. Between two
+//! windows the calling thread alone has everything.
 
-use super::cores::{Cores, Group};
+use super::cores::{Cores, Slot};
 use super::step::{Step, Tally};
 use crate::Cycle;
 use crate::core::CoreTables;
@@ -12,7 +13,7 @@ use lrbsim_isa::program::TaskSource;
 use lrbsim_isa::stream::Stream;
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, AtomicUsize, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError, RwLock, RwLockWriteGuard};
 
 /// Windows in which fewer cores act are run by the calling thread: waking the others costs more.
 const CORES_FOR_CREW: usize = 4;
@@ -42,33 +43,12 @@ pub(super) trait Hands {
     fn record(&mut self, step: &mut Step<'_>, tasks: Range<u32>) -> bool;
 }
 
-/// Runs the first `active` cores of a group from `start` to before `end`.
-fn run_group(group: &mut Group, active: usize, tables: &CoreTables, start: Cycle, end: Cycle) {
-    for index in 0..active.min(group.len()) {
-        if let Some(Some(next)) = group.get(index + 1) {
-            next.prefetch();
-        }
-        if let Some(core) = &mut group[index] {
-            core.run_window(tables, start, end);
-        }
-    }
-}
-
-/// Cores below `active` of `groups` that are in group `group`.
-fn active_in(active: usize, group: usize, groups: usize) -> usize {
-    (active + groups - 1 - group) / groups
-}
-
 /// The calling thread, alone.
 pub(super) struct Alone;
 
 impl Hands for Alone {
     fn run_window(&mut self, cores: &mut Cores, tables: &CoreTables, start: Cycle, end: Cycle) {
-        let active = cores.active();
-        let count = cores.groups().len();
-        for (number, group) in cores.groups().iter_mut().enumerate() {
-            run_group(group, active_in(active, number, count), tables, start, end);
-        }
+        cores.each_active(|core| core.run_window(tables, start, end));
     }
 
     fn record(&mut self, _step: &mut Step<'_>, _tasks: Range<u32>) -> bool {
@@ -76,51 +56,116 @@ impl Hands for Alone {
     }
 }
 
-/// What the host threads of a crew do next.
-#[derive(Debug, Clone, Copy)]
+/// What the host threads of a crew do next. As a word of the host no two in a row are equal.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Job {
-    Window { start: Cycle, end: Cycle },
-    Record { end: u32 },
+    /// To wait for the first.
+    None,
+    /// To run cores from `start` to before `end`.
+    Window {
+        start: Cycle,
+        end: Cycle,
+    },
+    /// To record tasks below `end`.
+    Record {
+        end: u32,
+    },
     Stop,
+}
+
+impl Job {
+    /// ```text
+    /// bits 0..2   which
+    ///      2..9   cycles of a window
+    ///      9..64  its first cycle; of a record job, the end
+    /// ```
+    fn to_word(self) -> u64 {
+        match self {
+            Job::None => 0,
+            Job::Window { start, end } => start << 9 | (end - start) << 2 | 1,
+            Job::Record { end } => u64::from(end) << 9 | 2,
+            Job::Stop => 3,
+        }
+    }
+
+    fn from_word(word: u64) -> Job {
+        let (first, cycles) = (word >> 9, word >> 2 & 127);
+        match word & 3 {
+            0 => Job::None,
+            1 => Job::Window { start: first, end: first + cycles },
+            2 => Job::Record { end: first as u32 },
+            _ => Job::Stop,
+        }
+    }
+}
+
+/// Cores of a window that a host thread has yet to run.
+///
+/// ```text
+/// bits 0..16   the first
+///      16..32  the one behind the last
+///      32..64  the window: the low half of its first cycle
+/// ```
+#[derive(Debug, Default)]
+struct Share(AtomicU64);
+
+impl Share {
+    fn deal(&self, cores: Range<usize>, start: Cycle) {
+        self.0.store(start << 32 | (cores.end as u64) << 16 | cores.start as u64, Ordering::Relaxed);
+    }
+
+    /// Takes a core of the window that begins at `start`: the first, for the host thread whose share it is, or the last for another.
+    fn take(&self, start: Cycle, is_first: bool) -> Option<usize> {
+        let mut share = self.0.load(Ordering::Relaxed);
+        loop {
+            let (first, end) = (share & 0xffff, share >> 16 & 0xffff);
+            // Who is late must not take cores of a later window.
+            if first == end || share >> 32 != start & 0xffff_ffff {
+                return None;
+            }
+            let (core, left) = if is_first { (first, share + 1) } else { (end - 1, share - (1 << 16)) };
+            // The cores themselves are handed over by their locks.
+            match self.0.compare_exchange_weak(share, left, Ordering::Relaxed, Ordering::Relaxed) {
+                Ok(_) => return Some(core as usize),
+                Err(now) => share = now,
+            }
+        }
+    }
 }
 
 /// What a host thread has recorded: tasks with their streams, spare buffers, and what the tasks did.
 type Recorded = (Vec<(u32, Stream)>, Vec<Stream>, Tally);
 
-/// What a crew shares.
+/// What a crew shares. A job is over when all its cores are run or all its tasks recorded: nobody waits for a host thread that
+/// has not begun, and one that comes late finds nothing to take.
 pub(super) struct Crew<'a> {
     tables: &'a CoreTables,
     source: &'a dyn TaskSource,
-    active: usize,
-    job: Mutex<Job>,
-    /// Jobs so far.
-    epoch: CachePadded<AtomicU64>,
-    /// Host threads that are done with the job.
+    /// The [`Job`].
+    job: CachePadded<AtomicU64>,
+    /// How many cores are run, or tasks recorded.
     done: CachePadded<AtomicUsize>,
     failed: AtomicBool,
-    /// The cores of each host thread, while it runs them.
-    groups: Vec<Mutex<Group>>,
+    /// All cores, while a window runs.
+    slots: RwLock<Vec<Slot>>,
+    /// What each host thread runs first.
+    shares: Vec<CachePadded<Share>>,
     next_task: AtomicU32,
     /// What each host thread has recorded.
     recorded: Vec<Mutex<Recorded>>,
 }
 
 impl<'a> Crew<'a> {
-    pub(super) fn new(
-        tables: &'a CoreTables,
-        source: &'a dyn TaskSource,
-        active: usize,
-        threads: usize,
-    ) -> Crew<'a> {
+    /// A crew of `threads` host threads, the captain among them.
+    pub(super) fn new(tables: &'a CoreTables, source: &'a dyn TaskSource, threads: usize) -> Crew<'a> {
         Crew {
             tables,
             source,
-            active,
-            job: Mutex::new(Job::Stop),
-            epoch: CachePadded::new(AtomicU64::new(0)),
-            done: CachePadded::new(AtomicUsize::new(0)),
+            job: CachePadded::new(AtomicU64::new(Job::None.to_word())),
+            done: CachePadded::default(),
             failed: AtomicBool::new(false),
-            groups: (0..threads).map(|_| Mutex::new(Group::new())).collect(),
+            slots: RwLock::new(Vec::new()),
+            shares: (0..threads).map(|_| CachePadded::default()).collect(),
             next_task: AtomicU32::new(0),
             recorded: (0..threads).map(|_| Mutex::default()).collect(),
         }
@@ -129,55 +174,80 @@ impl<'a> Crew<'a> {
     /// What host thread `number` does, from 1 on, until the crew is dismissed.
     pub(super) fn work(&self, number: usize) {
         let _told = TellOfFailure(&self.failed);
-        let mut epoch = 0;
+        let mut word = Job::None.to_word();
         loop {
-            let seen = epoch;
+            let seen = word;
             wait_until(|| {
-                epoch = self.epoch.load(Ordering::Acquire);
-                epoch != seen
+                word = self.job.load(Ordering::Acquire);
+                word != seen
             });
-            let job = *lock(&self.job);
-            match job {
+            match Job::from_word(word) {
+                Job::None => {}
                 Job::Window { start, end } => self.run(number, start, end),
                 Job::Record { end } => self.record_some(number, end),
                 Job::Stop => return,
             }
-            self.done.fetch_add(1, Ordering::Release);
         }
     }
 
+    /// Runs cores from `start` to before `end`, until all are run or being run.
     fn run(&self, number: usize, start: Cycle, end: Cycle) {
-        let active = active_in(self.active, number, self.groups.len());
-        run_group(&mut lock(&self.groups[number]), active, self.tables, start, end);
+        let (before, after) = self.shares.split_at(number);
+        let next = || {
+            let others = || after[1..].iter().chain(before).find_map(|share| share.take(start, false));
+            after[0].take(start, true).or_else(others)
+        };
+        let Some(mut core) = next() else { return };
+        let mut done = 0;
+        let slots = self.slots.read().unwrap_or_else(PoisonError::into_inner);
+        loop {
+            let mut slot = lock(&slots[core]);
+            slot.as_mut().expect("a core that takes part exists").run_window(self.tables, start, end);
+            drop(slot);
+            done += 1;
+            match next() {
+                Some(next) => core = next,
+                None => break,
+            }
+        }
+        drop(slots);
+        self.done.fetch_add(done, Ordering::Release);
     }
 
     /// Records tasks as long as there are any below `end` that nobody has begun.
     fn record_some(&self, number: usize, end: u32) {
-        let (recorded, spare, tally) = &mut *lock(&self.recorded[number]);
+        let relaxed = Ordering::Relaxed;
+        let next =
+            || self.next_task.fetch_update(relaxed, relaxed, |task| (task < end).then_some(task + 1)).ok();
+        let Some(mut task) = next() else { return };
+        let mut done = 0;
+        let mut recorded = lock(&self.recorded[number]);
+        let (streams, spare, tally) = &mut *recorded;
         loop {
-            let task = self.next_task.fetch_add(1, Ordering::Relaxed);
-            if task >= end {
-                return;
-            }
             let mut stream = spare.pop().unwrap_or_default();
             tally.record(self.source, task, &mut stream);
-            recorded.push((task, stream));
+            streams.push((task, stream));
+            done += 1;
+            match next() {
+                Some(next) => task = next,
+                None => break,
+            }
         }
+        drop(recorded);
+        self.done.fetch_add(done, Ordering::Release);
     }
 
     /// Has the others begin a job.
     fn begin(&self, job: Job) {
-        *lock(&self.job) = job;
         self.done.store(0, Ordering::Relaxed);
-        self.epoch.fetch_add(1, Ordering::Release);
+        self.job.store(job.to_word(), Ordering::Release);
     }
 
-    /// Waits for the others to end it; returns how often it gave its processor away meanwhile.
-    fn wait(&self) -> u32 {
-        let others = self.groups.len() - 1;
+    /// Waits until `count` cores are run or tasks recorded; returns how often it gave its processor away meanwhile.
+    fn wait_for(&self, count: usize) -> u32 {
         wait_until(|| {
             assert!(!self.failed.load(Ordering::Relaxed), "a host thread of the chip has failed");
-            self.done.load(Ordering::Acquire) == others
+            self.done.load(Ordering::Acquire) == count
         })
     }
 }
@@ -212,14 +282,16 @@ impl Hands for Captain<'_> {
             self.alone = self.alone.saturating_sub(1);
             return Alone.run_window(cores, tables, start, end);
         }
-        let groups = cores.groups();
-        for (lent, group) in self.crew.groups.iter().zip(groups.iter_mut()) {
-            std::mem::swap(&mut *lock(lent), group);
+        let (active, crew) = (cores.active(), self.crew);
+        let threads = crew.shares.len();
+        for (number, share) in crew.shares.iter().enumerate() {
+            share.deal(number * active / threads..(number + 1) * active / threads, start);
         }
-        self.crew.begin(Job::Window { start, end });
-        self.crew.run(0, start, end);
+        std::mem::swap(&mut *write(&crew.slots), cores.slots());
+        crew.begin(Job::Window { start, end });
+        crew.run(0, start, end);
         // On a host that has other work too, windows wait for threads that have no processor. Who runs a core changes nothing.
-        if self.crew.wait() > 0 {
+        if crew.wait_for(active) > 0 {
             self.late += LATE;
             if self.late > LATE_MAX {
                 (self.late, self.alone) = (0, self.alone_next);
@@ -230,28 +302,26 @@ impl Hands for Captain<'_> {
         } else {
             self.alone_next = WINDOWS_ALONE.start;
         }
-        for (lent, group) in self.crew.groups.iter().zip(groups.iter_mut()) {
-            std::mem::swap(&mut *lock(lent), group);
-        }
+        std::mem::swap(&mut *write(&crew.slots), cores.slots());
     }
 
     fn record(&mut self, step: &mut Step<'_>, tasks: Range<u32>) -> bool {
-        let count = tasks.len();
+        let (count, crew) = (tasks.len(), self.crew);
         if count < 2 {
             return false;
         }
-        let share = count.div_ceil(self.crew.recorded.len());
-        for recorded in &self.crew.recorded {
+        let share = count.div_ceil(crew.recorded.len());
+        for recorded in &crew.recorded {
             let (_, spare, _) = &mut *lock(recorded);
             let from = step.spare.len() - share.saturating_sub(spare.len()).min(step.spare.len());
             spare.extend(step.spare.drain(from..));
         }
-        self.crew.next_task.store(tasks.start, Ordering::Relaxed);
-        self.crew.begin(Job::Record { end: tasks.end });
-        self.crew.record_some(0, tasks.end);
-        self.crew.wait();
+        crew.next_task.store(tasks.start, Ordering::Relaxed);
+        crew.begin(Job::Record { end: tasks.end });
+        crew.record_some(0, tasks.end);
+        crew.wait_for(count);
         let (mut streams, mut tally) = (Vec::with_capacity(count), Tally::default());
-        for recorded in &self.crew.recorded {
+        for recorded in &crew.recorded {
             let (some, spare, counts) = &mut *lock(recorded);
             streams.append(some);
             step.spare.append(spare);
@@ -274,9 +344,14 @@ impl Drop for TellOfFailure<'_> {
     }
 }
 
-/// A lock that nobody else holds: phases take turns.
+/// A lock that nobody else holds for long.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// A lock that nobody else holds for long.
+fn write<T>(lock: &RwLock<T>) -> RwLockWriteGuard<'_, T> {
+    lock.write().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Waits until `is_so`, at first with the processor, since windows are short; returns how often it gave that away.

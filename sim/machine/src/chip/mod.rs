@@ -92,7 +92,7 @@ impl Chip {
             tables: CoreTables::new(spec),
             barrier_cycles: barrier_cycles(spec, &uncore.rings),
             uncore,
-            cores: Cores::new(spec.cores as usize, host_threads),
+            cores: Cores::new(spec.cores as usize),
             activity: vec![CoreActivity::default(); spec.cores as usize],
             spare: Vec::new(),
             now: 0,
@@ -139,56 +139,40 @@ impl Chip {
             core.start_step(count as usize, self.spec.threads_per_core, start);
         }
 
+        let run_level = if self.fidelity == Fidelity::Windowed { windowed::run } else { cycle::run };
         let host_threads = self.host_threads.min(active as usize);
-        if host_threads > 1 {
-            let crew = Crew::new(&self.tables, tasks, active as usize, self.host_threads);
-            std::thread::scope(|scope| {
-                let mut captain = Captain::new(&crew);
-                for number in 1..self.host_threads {
-                    let crew = &crew;
-                    scope.spawn(move || crew.work(number));
-                }
-                Self::run_level(
-                    self.fidelity,
-                    (&mut self.cores, &self.tables, &mut self.uncore),
-                    &mut step,
-                    &mut captain,
-                    start,
-                )
-            })?;
-        } else {
-            Self::run_level(
-                self.fidelity,
-                (&mut self.cores, &self.tables, &mut self.uncore),
-                &mut step,
-                &mut Alone,
-                start,
-            )?;
-        }
-        self.spare = step.spare;
-        Ok(self.end_step(start, step.tally.0))
-    }
-
-    /// Runs the tasks of a step at a level of modeling.
-    fn run_level(
-        fidelity: Fidelity,
-        (cores, tables, uncore): (&mut Cores, &CoreTables, &mut Uncore),
-        step: &mut Step<'_>,
-        hands: &mut dyn Hands,
-        start: Cycle,
-    ) -> Result<(), Stuck> {
+        let (cores, tables, uncore) = (&mut self.cores, &self.tables, &mut self.uncore);
         // All threads ask for their first task at once.
         cores.each_active(|core| {
             for thread in 0..core.running as usize {
                 core.ask_first(tables, thread, start);
             }
         });
-        let mut parts = Parts { cores, tables, uncore, step, hands, order: Vec::new(), pulls: Vec::new() };
-        match fidelity {
-            Fidelity::Functional => Ok(()),
-            Fidelity::Windowed => windowed::run(&mut parts, start),
-            Fidelity::Cycle => cycle::run(&mut parts, start),
+        let mut parts = Parts {
+            cores,
+            tables,
+            uncore,
+            step: &mut step,
+            hands: &mut Alone,
+            order: Vec::new(),
+            pulls: Vec::new(),
+        };
+        if host_threads > 1 {
+            let crew = Crew::new(tables, tasks, host_threads);
+            std::thread::scope(|scope| {
+                // Dismissed at the end of the scope, before its threads are waited for.
+                let mut captain = Captain::new(&crew);
+                for number in 1..host_threads {
+                    let crew = &crew;
+                    scope.spawn(move || crew.work(number));
+                }
+                run_level(&mut Parts { hands: &mut captain, ..parts }, start)
+            })?;
+        } else {
+            run_level(&mut parts, start)?;
         }
+        self.spare = step.spare;
+        Ok(self.end_step(start, step.tally.0))
     }
 
     /// The barrier, for all cores of the chip, and the report of a step that began at `start`.

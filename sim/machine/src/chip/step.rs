@@ -75,7 +75,7 @@ impl<'a> Step<'a> {
         if missing > 0 {
             let first = chunk.end - missing;
             // Tasks that depend on one another are recorded one by one, by whoever asks.
-            let many = (first + missing.max(RECORDED_AT_ONCE)).min(self.source.tasks());
+            let many = first.saturating_add(missing.max(RECORDED_AT_ONCE)).min(self.source.tasks());
             if self.source.is_ordered() || !hands.record(self, first..many) {
                 for task in first..chunk.end {
                     let mut stream = self.spare.pop().unwrap_or_default();

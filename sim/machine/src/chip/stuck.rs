@@ -91,9 +91,9 @@ fn stuck(parts: &mut Parts<'_, '_>, now: Cycle) -> Stuck {
             };
             let lines: Vec<String> = asked.iter().take(3).map(|(line, _)| line.to_string()).collect();
             let for_lines = if lines.is_empty() {
-                "asks for no line".to_owned()
+                "has all MSHRs of its L2 free".to_owned()
             } else {
-                format!("waits for {} lines: {}", asked.len(), lines.join(", "))
+                format!("has MSHRs of its L2 taken by {} lines: {}", asked.len(), lines.join(", "))
             };
             waits.push(format!("Chip.Core[{}].Thread[{number}] {what}, its core {for_lines}", core.index));
         }

@@ -57,11 +57,11 @@ struct AsPeers<'a> {
 }
 
 impl Peers for AsPeers<'_> {
-    fn state(&self, core: u32, line: u32) -> State {
+    fn state(&mut self, core: u32, line: u32) -> State {
         self.cores[core as usize].shared.caches.state_of(line)
     }
 
-    fn unlocked(&self, core: u32, line: u32, now: Cycle) -> Cycle {
+    fn unlocked(&mut self, core: u32, line: u32, now: Cycle) -> Cycle {
         self.cores[core as usize].shared.caches.locks.free(line, now)
     }
 

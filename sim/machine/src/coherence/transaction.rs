@@ -1,9 +1,9 @@
 //! A transaction: what a miss or an upgrade asks of the home, and what follows, leg by leg.
 
 use super::agenda::TransactionId;
-use super::uncore::{Peers, Uncore};
 use super::directory::{Directory, Record};
 use super::sharers::{Pool, Sharers};
+use super::uncore::{Peers, Uncore};
 use super::{Actions, Event, Others, Source, State, transition};
 use crate::Cycle;
 use crate::cache::Intent;
@@ -178,7 +178,7 @@ impl Uncore {
     /// Does a leg of `transaction` at `at`, and all that follow from it: at once if not `STEPWISE`, so that the transaction
     /// is timed whole; else they go to the agenda, where `id` names the transaction. Returns whether the line is free for
     /// the next transaction.
-    #[inline(always)]
+    #[inline(never)]
     pub(super) fn run<const STEPWISE: bool>(
         &mut self,
         id: TransactionId,
@@ -213,11 +213,13 @@ impl Uncore {
                             return false;
                         }
                     } else {
-                        let free = if decision.changes_owner() { busy.write_after() } else { busy.read_after() };
+                        let free =
+                            if decision.changes_owner() { busy.write_after() } else { busy.read_after() };
                         at = at.max(free);
                     }
                     self.counters.wait_cycles += at - transaction.arrived;
-                    match self.decide::<STEPWISE>(id, transaction, decision, sharers, at + self.lookup_cycles) {
+                    match self.decide::<STEPWISE>(id, transaction, decision, sharers, at + self.lookup_cycles)
+                    {
                         Some(next) => next,
                         None => return false,
                     }

@@ -13,10 +13,10 @@ use crate::ring::{Message as OnRing, Rings};
 /// The other cores, as the uncore sees them.
 pub(crate) trait Peers {
     /// The state of the copy that `core` has of `line`.
-    fn state(&self, core: u32, line: u32) -> State;
+    fn state(&mut self, core: u32, line: u32) -> State;
 
     /// When `core` can give `line` away, if it is asked for it at `now`: not in the middle of a locked operation.
-    fn unlocked(&self, core: u32, line: u32, now: Cycle) -> Cycle;
+    fn unlocked(&mut self, core: u32, line: u32, now: Cycle) -> Cycle;
 
     /// Tells `core` something.
     fn tell(&mut self, core: u32, message: Message);

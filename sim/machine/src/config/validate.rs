@@ -4,6 +4,7 @@ use super::spec::{
     CacheSpec, CoreSpec, MachineSpec, MemorySpec, PrefetcherSpec, RingSpec, TlbLevelSpec, TlbSpec,
 };
 use super::{CacheConfig, MachineConfig, PrefetcherConfig, TlbConfig, TlbLevelConfig};
+use crate::cache::PORTS_MAX;
 use std::fmt::Display;
 
 /// A number that no machine can have.
@@ -163,7 +164,12 @@ pub(super) fn validate(config: &MachineConfig) -> Result<MachineSpec, ConfigErro
             config.core.thread_issue_interval_cycles,
         )?,
         gather_interval_x256: (FRACTION / gather_lines).round() as u64,
-        l1_accesses_per_cycle: range("core.l1_accesses_per_cycle", config.core.l1_accesses_per_cycle, 1, 4)?,
+        l1_accesses_per_cycle: range(
+            "core.l1_accesses_per_cycle",
+            config.core.l1_accesses_per_cycle,
+            1,
+            PORTS_MAX as u32,
+        )?,
         gather_overhead: u64::from(range(
             "core.gather_overhead_cycles",
             config.core.gather_overhead_cycles,

@@ -91,35 +91,38 @@ impl CoreTables {
     }
 }
 
-/// What the threads of a core share.
+/// What the threads of a core share. First comes what others look at between two windows.
+#[repr(C)]
 pub(crate) struct Shared {
+    /// Threads that ask for tasks, to leave with the requests.
+    pub(crate) pulls: Vec<Pull>,
+    /// Buffers of streams that have been run.
+    pub(crate) spent: Vec<Stream>,
     pub(crate) caches: CoreCaches,
     waiting: WaitList,
     /// Room for those that wait no longer.
     resolved: Vec<Waiting>,
-    /// Threads that ask for tasks, to leave with the requests.
-    pub(crate) pulls: Vec<Pull>,
     pub(crate) atomics: AtomicCounters,
     /// Uops of the streams that have been run in this step.
     pub(crate) issued: u64,
-    /// Buffers of streams that have been run.
-    pub(crate) spent: Vec<Stream>,
 }
 
-/// One core.
+/// One core. What others look at between two windows lies in two lines of the host's cache, since another host thread may
+/// have run the core.
+#[repr(C, align(64))]
 pub(crate) struct Core {
-    pub(crate) index: usize,
-    pub(crate) threads: Vec<Thread>,
-    pub(crate) shared: Shared,
+    /// Least [`Thread::next`] of the threads, or the time of a message: nothing happens before.
+    pub(crate) wake: Cycle,
     /// What the uncore has told it and it has not looked at yet, in order.
     pub(crate) inbox: Vec<Message>,
+    /// Threads that still have or may still get a task.
+    pub(crate) running: u32,
+    pub(crate) shared: Shared,
+    pub(crate) index: usize,
+    pub(crate) threads: Vec<Thread>,
     pub(crate) stack: Stack,
     /// When the last of its threads came to the barrier.
     pub(crate) arrival: Cycle,
-    /// Threads that still have or may still get a task.
-    pub(crate) running: u32,
-    /// Least [`Thread::next`] of the threads, or the time of a message: nothing happens before.
-    pub(crate) wake: Cycle,
     /// Where the round robin stands.
     turn: usize,
 }
@@ -171,17 +174,6 @@ impl Core {
         self.threads[thread].next = When::new(now, Cause::Queue);
         self.threads[thread].pull(tables, &mut self.shared);
         self.update_wake();
-    }
-
-    /// Asks the host for what a window will look at first.
-    #[inline(always)]
-    pub(crate) fn prefetch(&self) {
-        self.threads.iter().for_each(Thread::prefetch);
-        for message in &self.inbox {
-            if let Message::Answer { mshr, .. } = message {
-                self.shared.caches.prefetch_answer(*mshr);
-            }
-        }
     }
 
     /// Finds [`Core::wake`] again after threads moved.

@@ -5,7 +5,6 @@ use super::walk::Walk;
 use super::{CoreTables, Shared};
 use crate::counters::Cause;
 use crate::when::When;
-use lrbsim_isa::host::prefetch;
 use lrbsim_isa::stream::Stream;
 use std::collections::VecDeque;
 
@@ -75,20 +74,6 @@ impl Thread {
             counter_read: When::NEVER,
             fed_from: None,
         }
-    }
-
-    /// Asks the host for what the next uops will look at: the uops, their lines, and results of those before them.
-    #[inline(always)]
-    pub(super) fn prefetch(&self) {
-        if let Some(uop) = self.stream.uops.get(self.pc) {
-            prefetch(uop);
-        }
-        if let Some(line) = self.stream.lines.get(self.line_pc) {
-            prefetch(line);
-        }
-        prefetch(&self.ready[self.pc % 256]);
-        prefetch(&self.ready[self.pc.wrapping_sub(8) % 256]);
-        prefetch(&self.ready[self.pc.wrapping_sub(16) % 256]);
     }
 
     /// Begins with `stream` at `when`.

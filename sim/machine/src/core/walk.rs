@@ -59,7 +59,15 @@ impl Walk {
     /// `due`, and the L1 has taken it for then if `taken`.
     pub(super) fn behind(self, done: u32, due: Cycle, taken: bool) -> Walk {
         let last = if done > 0 { due - 1 } else { self.issued };
-        Walk { done, due, last, taken, has_turn: taken, ready: When::bare(last).plus(self.row.latency()), ..self }
+        Walk {
+            done,
+            due,
+            last,
+            taken,
+            has_turn: taken,
+            ready: When::bare(last).plus(self.row.latency()),
+            ..self
+        }
     }
 
     pub(super) fn idle() -> Walk {

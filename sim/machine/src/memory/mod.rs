@@ -1,10 +1,10 @@
 //! The memory controllers: channels, banks and open rows.
 //!
 //! Line `l` belongs to controller `l mod controllers`; there, consecutive lines fill a row, and consecutive rows go round
-//! the banks. Where that round begins and in which order it goes differ from one stretch of 2 MB to the next without pattern,
-//! as the first does when an operating system hands out pages: arrays a power of two apart do not meet in one bank. An access waits for its bank to
-//! be able to open a row, if it has to, and then for the channel. A write keeps its bank longer than a read, and stands in the
-//! controller's write buffer until its burst is over; where that is full it has to wait outside.
+//! the banks. Each stretch of 2 MB begins that round at a bank of its own and goes it in an order of its own, without pattern:
+//! an operating system that hands out pages leaves arrays a power of two apart in different banks too. An access waits for its
+//! bank to be able to open a row, if it has to, and then for the channel. A write keeps its bank longer than a read, and stands
+//! in the controller's write buffer until its burst is over; where that is full it has to wait outside.
 
 mod spans;
 mod write_buffer;

@@ -232,7 +232,9 @@ impl Rings {
                 let way = ways + from * ring.stops + to;
                 self.tracks.counts.ride(way, links + 2 * lane, slots, trip.at, floor)
             }
-            Track::Slots(belts) => self.tracks.board(ring, belts + 2 * lane, (from, to), slots, trip.at, floor),
+            Track::Slots(belts) => {
+                self.tracks.board(ring, belts + 2 * lane, (from, to), slots, trip.at, floor)
+            }
         };
         Trip {
             at: board + ride_cycles,
