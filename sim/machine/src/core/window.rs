@@ -21,6 +21,7 @@ impl Core {
     #[inline(never)]
     pub(crate) fn run_window(&mut self, tables: &CoreTables, start: Cycle, end: Cycle) {
         self.read_inbox(tables, start);
+        self.shared.caches.grant_claims(start + (end - start) / 2);
         if self.wake >= end {
             return;
         }
