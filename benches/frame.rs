@@ -25,9 +25,8 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use lrbsim::progress::{Progress, Stopwatch};
 use lrbsim::{Algorithm, HostOptions, Machine, RunRequest, inputs, run_frame};
-use lrbsim_isa::host::run_functional;
 use lrbsim_isa::program::{StepSource, TaskSource};
-use lrbsim_isa::{Arena, HostSimd, OpCounts, Step, Stream};
+use lrbsim_isa::{Arena, HostSimd, OpCounts, Step, Stream, run_functional};
 use lrbsim_kernels::sism;
 use lrbsim_machine::{Chip, Fidelity, MachineConfig, builtin_machine};
 use lrbsim_workloads::{Adjacency, EyeView, ShadowInput, load_scene};

@@ -2,10 +2,10 @@
 //!
 //! How many these are never shows in a result.
 
-use lrbsim_isa::host::{HostSimd, run_functional};
+use lrbsim_isa::host::HostSimd;
 use lrbsim_isa::program::{StepSource, TaskSource};
 use lrbsim_isa::stream::TASK_UOPS_MAX;
-use lrbsim_isa::{Arena, Ordering, Step, Stream};
+use lrbsim_isa::{Arena, Ordering, Step, Stream, run_functional};
 use lrbsim_machine::{Chip, Fidelity, MachineSpec, StepReport};
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 

@@ -4,7 +4,7 @@
 
 use std::path::Path;
 
-use lrbsim_isa::{Arena, Class, HostSimd, OpCounts, host::run_functional};
+use lrbsim_isa::{Arena, Class, HostSimd, OpCounts, run_functional};
 use lrbsim_kernels::sism;
 use lrbsim_workloads::reference::{ErrorMetrics, shadow_rays};
 use lrbsim_workloads::{Adjacency, EyeView, ShadowInput, load_scene};

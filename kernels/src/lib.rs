@@ -11,4 +11,5 @@ pub mod sism;
 pub mod columns;
 pub mod light;
 pub mod plane;
+pub mod scan;
 pub mod segment;

@@ -5,7 +5,7 @@
 //! bounds ─► reduce ─► (host: size of each face's grid) ─► count ─► scan ─► scatter ─► cells ─► bins ─► groups
 //! ```
 
-use lrbsim_isa::scan::{self, Scan};
+use crate::scan::{self, Scan};
 use lrbsim_isa::{Addr, Arena, Ordering, Step, Vpu, math};
 
 use super::Frame;

@@ -4,7 +4,7 @@
 //! table keeps what the atomics returned. `fill` then knows the place of everything and needs no atomics: lists that all
 //! tasks add to would otherwise wander between the cores at every primitive.
 
-use lrbsim_isa::scan::{self, Scan};
+use crate::scan::{self, Scan};
 use lrbsim_isa::{Addr, Arena, Compare, Vpu};
 
 /// Addresses of the lists of one step.

@@ -25,7 +25,7 @@ pub mod hard;
 pub mod soft;
 pub mod compose;
 
-use lrbsim_isa::scan::Scan;
+use crate::scan::Scan;
 use lrbsim_isa::{Arena, Phase, Program, Step};
 use lrbsim_workloads::ShadowInput;
 

@@ -5,8 +5,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use lrbsim_isa::host::run_functional;
-use lrbsim_isa::{Arena, Compare, HostSimd, Kernel, OpCounts, Ordering, Step, Stream, Vpu};
+use lrbsim_isa::{Arena, Compare, HostSimd, Kernel, OpCounts, Ordering, Step, Stream, Vpu, run_functional};
 use lrbsim_kernels::columns::{Columns, lanes_below};
 use lrbsim_kernels::plane::TRIANGLE_WORDS;
 use lrbsim_kernels::sism::layout::{EDGE_WORDS, Layout, OWN_TRIANGLE, PIXEL, POSITION, RECEIVER};

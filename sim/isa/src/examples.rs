@@ -5,7 +5,8 @@
 
 use crate::arena::{Addr, Arena};
 use crate::emit::OpCounts;
-use crate::host::{self, HostSimd};
+use crate::functional::run_functional;
+use crate::host::HostSimd;
 use crate::kernel::Kernel;
 use crate::program::{Ordering, Phase, Program, Step};
 use crate::vpu::{Compare, Vpu};
@@ -28,7 +29,7 @@ pub fn run<S>(program: &mut Program<S>, simd: HostSimd, host_threads: usize) -> 
     for phase in &program.phases {
         for make_step in &phase.steps {
             let step = make_step(&mut program.state, &mut arena);
-            counts.add(&host::run_functional(&step, &arena, simd, host_threads));
+            counts.add(&run_functional(&step, &arena, simd, host_threads));
         }
     }
     (arena, counts)

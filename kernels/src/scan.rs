@@ -8,10 +8,7 @@
 //!
 //! Sums are exclusive: word `i` becomes the sum of the words before it, and the word after the last holds the total.
 
-use crate::arena::{Addr, Arena};
-use crate::kernel::Kernel;
-use crate::program::{Ordering, Step};
-use crate::vpu::{Compare, Vpu};
+use lrbsim_isa::{Addr, Arena, Compare, Kernel, Ordering, Step, Vpu};
 
 /// Words in a block.
 const BLOCK: u32 = 1024;
@@ -145,7 +142,7 @@ impl Kernel for AddOffset {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::host::{HostSimd, run_functional};
+    use lrbsim_isa::{HostSimd, run_functional};
 
     #[test]
     fn a_scan_equals_the_running_sum() {
