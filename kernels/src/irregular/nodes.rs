@@ -2,13 +2,39 @@
 
 use lrbsim_isa::{Arena, Compare, Kernel, Ordering, Step, Vpu, math};
 
-use super::Frame;
-use super::bounds::FAR;
-use super::grid::{PER_CELL_X, PER_CELL_Y, row};
-use super::layout::{
-    CENTER_X, CENTER_Y, CHILDREN, DEPTH, HALF_X, HALF_Y, Layout, NODE_COLUMNS, POSITION, REACH, SLICES,
-};
+use super::faces::{BinPlace, FaceParameters, Faces};
+use super::grid::{Grid, Sample};
+use super::{CHILDREN, FAR};
 use crate::columns::{Columns, lanes_below, task_range};
+use crate::expression::{each, int, scalar};
+use crate::field;
+use crate::record::Field;
+
+/// A rectangle of a face's image plane and what it holds: a cell, a block, a bin or a group.
+#[repr(C)]
+pub struct Node {
+    /// Its middle.
+    pub center: [f32; 2],
+    /// Half of its width and height.
+    pub half: [f32; 2],
+    /// Greatest depth of a receiver inside; 0 where there is none.
+    pub depth: f32,
+    /// Greatest distance from the light of a point of the rectangle on the image plane.
+    pub reach: f32,
+}
+
+/// The hierarchy over the samples: 16 children follow one another, those of parent `i` from `16 i` on.
+#[derive(Clone, Copy, Default)]
+pub struct Nodes {
+    /// Cells of all bins.
+    pub cells: Columns<Node>,
+    /// Blocks of 16 cells.
+    pub blocks: Columns<Node>,
+    /// Bins of 16 blocks.
+    pub bins: Columns<Node>,
+    /// Groups of 16 bins.
+    pub groups: Columns<Node>,
+}
 
 /// Blocks of a task of `cell depths`: a line of a bin's blocks.
 const BLOCKS: u32 = 4;
@@ -16,41 +42,40 @@ const BLOCKS: u32 = 4;
 /// Vectors of samples that `cell depths` asks for ahead: it does little with each.
 const AHEAD: u64 = 4;
 
-/// Cells.
-pub fn cells(frame: &mut Frame, arena: &mut Arena) -> Step {
-    let layout = &mut frame.layout;
-    layout.cells = Columns::new(arena, NODE_COLUMNS, layout.cell_count());
-    layout.blocks = Columns::new(arena, NODE_COLUMNS, layout.block_count());
-    layout.bins = Columns::new(arena, NODE_COLUMNS, layout.bin_count);
-    layout.groups =
-        Columns::new(arena, NODE_COLUMNS, (layout.bin_count / CHILDREN).next_multiple_of(16) + 16);
+/// Rectangles and depths of the cells, from the samples.
+pub fn cells(grid: &mut Grid, arena: &mut Arena) -> Step {
+    let faces = &grid.faces;
+    grid.nodes = Nodes {
+        cells: Columns::new(arena, faces.cell_count()),
+        blocks: Columns::new(arena, faces.block_count()),
+        bins: Columns::new(arena, faces.bin_count),
+        groups: Columns::new(arena, (faces.bin_count / CHILDREN).next_multiple_of(16) + 16),
+    };
     Step {
         name: "cell depths",
         ordering: Ordering::Independent,
-        tasks: layout.block_count() / BLOCKS,
-        kernel: Box::new(Cells { layout: *layout }),
+        tasks: grid.faces.block_count() / BLOCKS,
+        kernel: Box::new(Cells { grid: *grid }),
     }
 }
 
-/// Blocks and bins.
-pub fn bins(frame: &mut Frame, _: &mut Arena) -> Step {
-    let layout = frame.layout;
+/// Rectangles and depths of blocks and bins, from the cells.
+pub fn bins(grid: &Grid) -> Step {
     Step {
         name: "bin depths",
         ordering: Ordering::Independent,
-        tasks: layout.bin_count,
-        kernel: Box::new(Bins { layout }),
+        tasks: grid.faces.bin_count,
+        kernel: Box::new(Bins { faces: grid.faces, nodes: grid.nodes }),
     }
 }
 
-/// Groups of bins.
-pub fn groups(frame: &mut Frame, _: &mut Arena) -> Step {
-    let layout = frame.layout;
+/// Rectangles and depths of the groups, from the bins.
+pub fn groups(grid: &Grid) -> Step {
     Step {
         name: "group depths",
         ordering: Ordering::Independent,
-        tasks: layout.bin_count / CHILDREN,
-        kernel: Box::new(Groups { layout }),
+        tasks: grid.faces.bin_count / CHILDREN,
+        kernel: Box::new(Groups { nodes: grid.nodes }),
     }
 }
 
@@ -65,24 +90,25 @@ struct Place<V: Vpu> {
 
 impl<V: Vpu> Place<V> {
     #[inline(always)]
-    fn load(v: &mut V, layout: &Layout, bin: V::S32, face: V::S32) -> Place<V> {
+    fn load(v: &mut V, faces: &Faces, bin: V::S32, face: V::S32) -> Place<V> {
         let four = v.vset_f32(4.0);
-        let low_x = v.vbroadcast_f32(layout.bin_table.column(1), bin);
-        let low_y = v.vbroadcast_f32(layout.bin_table.column(2), bin);
-        let per_cell_x = v.vbroadcast_f32(row(layout.face_table, PER_CELL_X), face);
-        let per_cell_y = v.vbroadcast_f32(row(layout.face_table, PER_CELL_Y), face);
-        let cell = [v.vrcp(per_cell_x), v.vrcp(per_cell_y)];
+        let low =
+            each!(i in [0, 1] => v.vbroadcast_f32(faces.bin_places.column(field!(BinPlace.low[i])), bin));
+        let per_cell = each!(i in [0, 1] => {
+            v.vbroadcast_f32(faces.parameters.column(field!(FaceParameters.per_cell[i])), face)
+        });
+        let cell = [v.vrcp(per_cell[0]), v.vrcp(per_cell[1])];
         let block = [v.vmul(cell[0], four), v.vmul(cell[1], four)];
         let lane = v.viota();
         let two = v.vset_i32(2);
         let three = v.vset_i32(3);
         let half = v.vset_f32(0.5);
-        let column = v.vand(lane, three);
-        let line = v.vsrl(lane, two);
+        let column = int!(v, lane & three);
+        let line = int!(v, lane >> two);
         let column = v.vcvt_i32_f32(column);
         let line = v.vcvt_i32_f32(line);
         let child = [v.vadd(column, half), v.vadd(line, half)];
-        Place { low: [low_x, low_y], cell, block, child }
+        Place { low, cell, block, child }
     }
 }
 
@@ -90,52 +116,46 @@ impl<V: Vpu> Place<V> {
 const SHALLOWEST: i32 = i32::MIN;
 
 struct Cells {
-    layout: Layout,
+    grid: Grid,
 }
 
 impl Kernel for Cells {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
-        let layout = &self.layout;
-        let (mut block, end) = task_range(v, task, BLOCKS, layout.block_count());
-        let one = v.s_imm(1);
-        let four = v.s_imm(4);
-        let six = v.s_imm(6);
-        let fifteen = v.s_imm(15);
-        let first = v.s_shl(block, six);
-        let after = v.s_shl(end, six);
-        let samples_first = v.s_load(layout.key_starts, first);
-        let samples_end = v.s_load(layout.key_starts, after);
+        let grid = &self.grid;
+        let (mut block, end) = task_range(v, task, BLOCKS, grid.faces.block_count());
+        let first_key = scalar!(v, block << 6);
+        let end_key = scalar!(v, end << 6);
+        let samples_first = v.s_load(grid.key_starts, first_key);
+        let samples_end = v.s_load(grid.key_starts, end_key);
         // Memory holds 0 where there is nothing: no depth.
         if v.branch(Compare::Equal, samples_first, samples_end) {
             return;
         }
 
         // The bin's face: which coordinate is its depth.
-        let bin = v.s_shr(block, four);
-        let face = v.s_load(layout.bin_table.column(0), bin);
-        let axis = v.s_shr(face, one);
-        let stride = v.s_imm(layout.samples.stride() as i32);
-        let depths = v.s_mul(axis, stride);
-        let place = Place::load(v, layout, bin, face);
-        let in_block = [0, 1].map(|axis: usize| v.vmul(place.child[axis], place.cell[axis]));
+        let bin = scalar!(v, block >> 4);
+        let face = v.s_load(grid.faces.bin_places.column(field!(BinPlace.face)), bin);
+        let depths = grid.depths_of_face(v, face);
+        let place = Place::load(v, &grid.faces, bin, face);
+        let in_block = each!(axis in [0, 1] => v.vmul(place.child[axis], place.cell[axis]));
         let two = v.vset_i32(2);
         let three = v.vset_i32(3);
         let all = v.mask_all();
         while v.branch(Compare::Less, block, end) {
             let depth = self.cell_depths(v, block, depths);
-            let number = v.s_and(block, fifteen);
+            let number = scalar!(v, block & 15);
             let number = v.vsplat(number);
-            let corner = [v.vand(number, three), v.vsrl(number, two)];
+            let corner = [int!(v, number & three), int!(v, number >> two)];
             let mut center = |axis: usize| {
                 let corner = v.vcvt_i32_f32(corner[axis]);
                 let corner = v.vmadd(corner, place.block[axis], place.low[axis]);
                 v.vadd(corner, in_block[axis])
             };
             let center = [center(0), center(1)];
-            let first_cell = v.s_shl(block, four);
-            store_nodes(v, all, layout.cells, first_cell, center, place.cell, depth);
-            block = v.s_add(block, one);
+            let first_cell = scalar!(v, block << 4);
+            store_nodes(v, all, grid.nodes.cells, first_cell, center, place.cell, depth);
+            block = scalar!(v, block + 1);
         }
     }
 }
@@ -144,19 +164,16 @@ impl Cells {
     /// Greatest depth in each of the 16 cells of a block; the depths of samples begin `depths` words after their positions.
     #[inline(always)]
     fn cell_depths<V: Vpu>(&self, v: &mut V, block: V::S32, depths: V::S32) -> V::F32 {
-        let layout = &self.layout;
-        let of_cell = |cell: u32| layout.key_starts.plus(4 * u64::from(cell * SLICES));
-        let column = layout.samples.column(POSITION);
-        let six = v.s_imm(6);
-        let step = v.s_imm(16);
-        let first_key = v.s_shl(block, six);
+        let grid = &self.grid;
+        let column = grid.samples.column(field!(Sample.position));
+        let first_key = scalar!(v, block << 6);
         let shallowest = v.vset_i32(SHALLOWEST);
         let mut depth = v.vset_f32(0.0);
-        let sample = v.s_load(of_cell(0), first_key);
-        let mut sample = v.s_add(sample, depths);
+        let sample = v.s_load(grid.cell_starts(0), first_key);
+        let mut sample = scalar!(v, sample + depths);
         for cell in 0..CHILDREN {
-            let end = v.s_load(of_cell(cell + 1), first_key);
-            let end = v.s_add(end, depths);
+            let end = v.s_load(grid.cell_starts(cell + 1), first_key);
+            let end = scalar!(v, end + depths);
             if !v.branch(Compare::Less, sample, end) {
                 continue;
             }
@@ -166,7 +183,7 @@ impl Cells {
                 v.prefetch_l1(column.plus(64 * AHEAD), sample);
                 let z = v.vload_i32_or(shallowest, live, column, sample);
                 deepest = v.vimax(deepest, z);
-                sample = v.s_add(sample, step);
+                sample = scalar!(v, sample + 16);
             }
             sample = end;
             let deepest = v.from_bits(deepest);
@@ -181,23 +198,23 @@ impl Cells {
 }
 
 struct Bins {
-    layout: Layout,
+    faces: Faces,
+    nodes: Nodes,
 }
 
 impl Kernel for Bins {
     #[inline(always)]
-    fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
-        let layout = &self.layout;
+    fn run<V: Vpu>(&self, v: &mut V, bin: V::S32) {
+        let nodes = &self.nodes;
         let all = v.mask_all();
-        let s_four = v.s_imm(4);
-        let first_block = v.s_shl(task, s_four);
-        let first_cell = v.s_shl(first_block, s_four);
-        let depths = layout.cells.column(DEPTH);
+        let first_block = scalar!(v, bin << 4);
+        let first_cell = scalar!(v, first_block << 4);
+        let depths = nodes.cells.column(field!(Node.depth));
         for block in 0..CHILDREN {
             v.prefetch_l1(depths.plus(64 * u64::from(block)), first_cell);
         }
-        let face = v.s_load(layout.bin_table.column(0), task);
-        let place = Place::load(v, layout, task, face);
+        let face = v.s_load(self.faces.bin_places.column(field!(BinPlace.face)), bin);
+        let place = Place::load(v, &self.faces, bin, face);
 
         // Blocks.
         let mut depth = v.vset_f32(0.0);
@@ -213,7 +230,7 @@ impl Kernel for Bins {
             v.vadd(place.low[axis], in_bin)
         };
         let center = [center(0), center(1)];
-        store_nodes(v, all, layout.blocks, first_block, center, place.block, depth);
+        store_nodes(v, all, nodes.blocks, first_block, center, place.block, depth);
 
         // The bin itself.
         let bit = v.s_imm(1);
@@ -224,7 +241,7 @@ impl Kernel for Bins {
         let size = [v.vmul(place.block[0], four), v.vmul(place.block[1], four)];
         let x = v.vmadd(size[0], half, place.low[0]);
         let y = v.vmadd(size[1], half, place.low[1]);
-        store_nodes(v, first, layout.bins, task, [x, y], size, deepest);
+        store_nodes(v, first, nodes.bins, bin, [x, y], size, deepest);
     }
 }
 
@@ -233,7 +250,7 @@ impl Kernel for Bins {
 fn store_nodes<V: Vpu>(
     v: &mut V,
     live: V::Mask,
-    nodes: Columns,
+    nodes: Columns<Node>,
     at: V::S32,
     center: [V::F32; 2],
     size: [V::F32; 2],
@@ -251,33 +268,33 @@ fn store_nodes<V: Vpu>(
     let reach2 = v.vmadd(corner_x, corner_x, one);
     let reach2 = v.vmadd(corner_y, corner_y, reach2);
     let reach = math::sqrt(v, reach2);
-    v.vstore_f32(live, nodes.column(CENTER_X), at, center[0]);
-    v.vstore_f32(live, nodes.column(CENTER_Y), at, center[1]);
-    v.vstore_f32(live, nodes.column(HALF_X), at, half_x);
-    v.vstore_f32(live, nodes.column(HALF_Y), at, half_y);
-    v.vstore_f32(live, nodes.column(DEPTH), at, depth);
-    v.vstore_f32(live, nodes.column(REACH), at, reach);
+    let mut store = |field, value| v.vstore_f32(live, nodes.column(field), at, value);
+    store(field!(Node.center[0]), center[0]);
+    store(field!(Node.center[1]), center[1]);
+    store(field!(Node.half[0]), half_x);
+    store(field!(Node.half[1]), half_y);
+    store(field!(Node.depth), depth);
+    store(field!(Node.reach), reach);
 }
 
 struct Groups {
-    layout: Layout,
+    nodes: Nodes,
 }
 
 impl Kernel for Groups {
     #[inline(always)]
-    fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
-        let layout = &self.layout;
-        let four = v.s_imm(4);
-        let first_bin = v.s_shl(task, four);
+    fn run<V: Vpu>(&self, v: &mut V, group: V::S32) {
+        let bins = self.nodes.bins;
+        let first_bin = scalar!(v, group << 4);
         let zero = v.vset_f32(0.0);
         let far = v.vset_f32(FAR);
         let half = v.vset_f32(0.5);
-        let depth = v.vload_f32(layout.bins.column(DEPTH), first_bin);
+        let depth = v.vload_f32(bins.column(field!(Node.depth)), first_bin);
         let used = v.vcmp_gt(depth, zero);
         let deepest = math::reduce_max(v, depth);
-        let mut span = |center: u32, half_size: u32| {
-            let c = v.vload_f32(layout.bins.column(center), first_bin);
-            let h = v.vload_f32(layout.bins.column(half_size), first_bin);
+        let mut span = |center: Field<Node, f32>, half_size: Field<Node, f32>| {
+            let c = v.vload_f32(bins.column(center), first_bin);
+            let h = v.vload_f32(bins.column(half_size), first_bin);
             let low = v.vsub_or(far, used, c, h);
             let low = math::reduce_min(v, low);
             let minus_far = v.vsub(zero, far);
@@ -288,10 +305,10 @@ impl Kernel for Groups {
             let size = v.vsub(high, low);
             (middle, size)
         };
-        let (x, size_x) = span(CENTER_X, HALF_X);
-        let (y, size_y) = span(CENTER_Y, HALF_Y);
+        let (x, size_x) = span(field!(Node.center[0]), field!(Node.half[0]));
+        let (y, size_y) = span(field!(Node.center[1]), field!(Node.half[1]));
         let bit = v.s_imm(1);
         let first = v.kmov_from_scalar(bit);
-        store_nodes(v, first, layout.groups, task, [x, y], [size_x, size_y], deepest);
+        store_nodes(v, first, self.nodes.groups, group, [x, y], [size_x, size_y], deepest);
     }
 }
