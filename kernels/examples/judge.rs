@@ -31,8 +31,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let mut tasks = 0;
         for make in &phase.steps {
             let step = make(&mut program.state, &mut arena);
-            tasks += step.tasks;
-            counts.add(&run_functional(&step, &arena, HostSimd::detect(), 1));
+            tasks += step.tasks();
+            counts.add(&run_functional(&step, &mut arena, HostSimd::detect(), 1));
         }
         total += counts.total();
         let of = |class: Class| counts.class_counts[class as usize];

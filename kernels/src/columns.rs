@@ -10,7 +10,7 @@ use crate::record::{Field, words};
 /// Records `R` field by field: an array for each word of the record, all of one length.
 pub struct Columns<R> {
     base: Addr,
-    /// Words from one array to the next.
+    /// Words from the start of one column to the start of the next.
     stride: u32,
     record: PhantomData<fn() -> R>,
 }
@@ -35,10 +35,10 @@ impl<R> Columns<R> {
 
     /// Where `field` of record `number` lies, for the host.
     pub const fn host<T>(self, number: u32, field: Field<R, T>) -> Addr {
-        self.column(field).plus(4 * number as u64)
+        self.column(field).plus_words(number as u64)
     }
 
-    /// Words from one column to the next.
+    /// Words from the start of one column to the start of the next.
     #[inline(always)]
     pub const fn stride(self) -> u32 {
         self.stride

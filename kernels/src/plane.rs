@@ -2,7 +2,7 @@
 
 use lrbsim_isa::Vpu;
 
-/// Three floats a lane.
+/// A vector of three components in each of 16 lanes.
 pub type Vec3<V> = [<V as Vpu>::F32; 3];
 
 /// What f32 may make of a point on a triangle's plane, as a part of the sizes of the terms of `point . normal`: eight
@@ -48,7 +48,7 @@ pub fn plane_slack<V: Vpu>(v: &mut V, corners: [Vec3<V>; 3], normal: Vec3<V>) ->
     v.vmul(greatest, part)
 }
 
-/// `a x b`.
+/// The cross product `a x b` in every lane.
 #[inline(always)]
 pub fn cross<V: Vpu>(v: &mut V, a: Vec3<V>, b: Vec3<V>) -> Vec3<V> {
     let mut component = |i: usize, j: usize| {
@@ -59,7 +59,7 @@ pub fn cross<V: Vpu>(v: &mut V, a: Vec3<V>, b: Vec3<V>) -> Vec3<V> {
     [component(1, 2), component(2, 0), component(0, 1)]
 }
 
-/// `a - b`.
+/// The difference `a - b` in every lane.
 #[inline(always)]
 pub fn sub<V: Vpu>(v: &mut V, a: Vec3<V>, b: Vec3<V>) -> Vec3<V> {
     [v.vsub(a[0], b[0]), v.vsub(a[1], b[1]), v.vsub(a[2], b[2])]

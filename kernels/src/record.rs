@@ -24,7 +24,7 @@ impl<R, T> Field<R, T> {
         Field { offset_bytes: offset_bytes as u64, types: PhantomData }
     }
 
-    /// Bytes from the start of the record.
+    /// Bytes from the start of the record to the field.
     #[inline(always)]
     pub const fn offset_bytes(self) -> u64 {
         self.offset_bytes
@@ -43,7 +43,7 @@ impl<R, T, const N: usize> Field<R, [T; N]> {
     /// Element `index` of a field that is an array.
     ///
     /// # Panics
-    /// Where there is none.
+    /// Where the array has no such element.
     #[inline(always)]
     pub const fn at(self, index: usize) -> Field<R, T> {
         assert!(index < N, "no such element");
@@ -69,7 +69,7 @@ macro_rules! field {
     };
 }
 
-/// Words of a record.
+/// Number of words of a record `R`.
 #[inline(always)]
 pub const fn words<R>() -> u32 {
     (size_of::<R>() / 4) as u32
@@ -82,7 +82,7 @@ pub struct Records<R> {
 }
 
 impl<R> Records<R> {
-    /// Allocates `count` records.
+    /// Allocates room for `count` records.
     pub fn new(arena: &mut Arena, count: u64) -> Records<R> {
         Records { base: arena.alloc(count * u64::from(words::<R>())), record: PhantomData }
     }
@@ -98,7 +98,7 @@ impl<R> Records<R> {
         self.base.plus(number as u64 * size_of::<R>() as u64 + field.offset_bytes())
     }
 
-    /// Record `number`. One scalar multiplication.
+    /// The record of number `number`. One scalar multiplication.
     #[inline(always)]
     pub fn record<V: Vpu>(self, v: &mut V, number: V::S32) -> Record<V, R> {
         let words = v.s_imm(words::<R>() as i32);
@@ -135,25 +135,25 @@ pub struct Record<V: Vpu, R> {
 }
 
 impl<V: Vpu, R> Record<V, R> {
-    /// A field in every lane.
+    /// A field of the record that is a float, in every lane. One broadcast load.
     #[inline(always)]
     pub fn float(self, v: &mut V, field: Field<R, f32>) -> V::F32 {
         v.vbroadcast_f32(self.records.field(field), self.index)
     }
 
-    /// A field in every lane.
+    /// A field of the record that is an integer, in every lane. One broadcast load.
     #[inline(always)]
     pub fn int(self, v: &mut V, field: Field<R, i32>) -> V::I32 {
         v.vbroadcast_i32(self.records.field(field), self.index)
     }
 
-    /// A field of three components, each in every lane.
+    /// A field of the record that has three components, each in every lane. Three broadcast loads.
     #[inline(always)]
     pub fn vec3(self, v: &mut V, field: Field<R, [f32; 3]>) -> Vec3<V> {
         each!(axis in [0, 1, 2] => self.float(v, field.at(axis)))
     }
 
-    /// A field as a scalar.
+    /// A field of the record that is an integer, as a scalar. One scalar load.
     #[inline(always)]
     pub fn scalar(self, v: &mut V, field: Field<R, i32>) -> V::S32 {
         v.s_load(self.records.field(field), self.index)

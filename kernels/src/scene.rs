@@ -8,26 +8,26 @@ use crate::field;
 use crate::irregular::CHILDREN;
 use crate::irregular::primitives::{BACK, FRONT};
 
-/// A vertex.
+/// A vertex of the scene.
 #[repr(C)]
 pub struct Vertex {
-    /// Light-centred.
+    /// Where the vertex lies, light-centred.
     pub position: [f32; 3],
 }
 
-/// A triangle.
+/// A triangle of the scene.
 #[repr(C)]
 pub struct Triangle {
-    /// Numbers of its corners.
+    /// Numbers of the vertices that are its corners.
     pub corners: [u32; 3],
     /// Layers of F (bit 0) and B (bit 1) that it is: facing the light in the low half, facing away in the high half.
     pub layers: u32,
 }
 
-/// An edge of one triangle or more.
+/// An edge of the scene, of one triangle or more.
 #[repr(C)]
 pub struct Edge {
-    /// Numbers of its ends, the lower first.
+    /// Numbers of the vertices that are its ends, the lower first.
     pub ends: [u32; 2],
 }
 
@@ -98,6 +98,6 @@ pub(crate) fn count_of<T>(items: &[T]) -> u32 {
 /// Writes `values` to consecutive words.
 pub(crate) fn fill(arena: &mut Arena, to: Addr, values: impl Iterator<Item = u32>) {
     for (i, value) in values.enumerate() {
-        arena.write_u32(to.plus(4 * i as u64), value);
+        arena.write_u32(to.plus_words(i as u64), value);
     }
 }

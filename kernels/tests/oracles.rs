@@ -415,7 +415,7 @@ fn a_program_without_receivers_or_triangles_runs() {
     for phase in &program.phases {
         for make in &phase.steps {
             let step = make(&mut program.state, &mut arena);
-            common::run_step(&step, &arena, On::Host(HostSimd::detect(), 1));
+            common::run_step(&step, &mut arena, On::Host(HostSimd::detect(), 1));
         }
     }
     assert!(program.state.visibility(&arena).is_empty());

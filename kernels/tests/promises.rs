@@ -3,7 +3,7 @@
 mod common;
 
 use common::{Lanewise, On, run_step};
-use lrbsim_isa::{Arena, HostSimd, Kernel, Ordering, Step, Vpu};
+use lrbsim_isa::{Arena, HostSimd, Kernel, Step, Vpu};
 use lrbsim_kernels::columns::Columns;
 use lrbsim_kernels::field;
 use lrbsim_kernels::irregular::primitives::{EdgeRecord, TriangleRecord};
@@ -19,8 +19,8 @@ const HIDDEN: [u64; 2] = [30, 39];
 const EDGE: [u64; 2] = [66, 157];
 
 /// Uops of one task of `kernel`, spills included.
-fn cost(kernel: impl Kernel + 'static, arena: &Arena) -> u64 {
-    let step = Step { name: "one", ordering: Ordering::Independent, tasks: 1, kernel: Box::new(kernel) };
+fn cost(kernel: impl Kernel + 'static, arena: &mut Arena) -> u64 {
+    let step = Step::ordered("one", 1, kernel);
     run_step(&step, arena, On::Recording(HostSimd::detect())).uops
 }
 
@@ -49,8 +49,8 @@ fn cost_of<const IN: usize, F: Lanewise<IN, 1>>(function: F, x: [f32; IN]) -> u6
             arena.write_u32(from.host(lane, Field::whole().at(c)), x.to_bits());
         }
     }
-    cost(Once { function: Some(function), from }, &arena)
-        - cost(Once::<F, IN> { function: None, from }, &arena)
+    cost(Once { function: Some(function), from }, &mut arena)
+        - cost(Once::<F, IN> { function: None, from }, &mut arena)
 }
 
 #[derive(Clone)]
@@ -103,8 +103,8 @@ fn a_hidden_test_costs_what_its_doc_says() {
             arena.write_u32(from.host(lane, Field::whole().at(0)), x.to_bits());
         }
         // The mask and the blend at the end are not the test's.
-        cost(Once { function: Some(Hidden(record)), from }, &arena)
-            - cost(Once::<Hidden, 3> { function: None, from }, &arena)
+        cost(Once { function: Some(Hidden(record)), from }, &mut arena)
+            - cost(Once::<Hidden, 3> { function: None, from }, &mut arena)
             - 2
     };
     assert_eq!(cost_at(-1.0), HIDDEN[0], "a miss by the edges");
@@ -143,7 +143,7 @@ fn an_edge_costs_what_its_doc_says() {
         let ends = [-1.0, y, 1.0, 1.0, y, 1.0].map(f32::to_bits);
         let edges: Records<EdgeRecord> = Records::new(&mut arena, 1);
         arena.write_u32s(edges.field(field!(EdgeRecord.ends)), &ends);
-        let run = |add| cost(Once { function: Some(AddEdge { edges, add }), from }, &arena);
+        let mut run = |add| cost(Once { function: Some(AddEdge { edges, add }), from }, &mut arena);
         run(true) - run(false)
     };
     assert_eq!(cost_of_edge(5.0), EDGE[0], "the edge's line misses the disc");

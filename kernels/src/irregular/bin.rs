@@ -2,7 +2,9 @@
 //!
 //! Descends the hierarchy 16 at a time: the groups of a face, then the bins of each group that is touched.
 
-use lrbsim_isa::{Addr, Arena, Compare, Kernel, Ordering, Step, Vpu};
+#![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
+
+use lrbsim_isa::{Addr, Arena, Compare, Kernel, Step, Vpu};
 
 use super::CHILDREN;
 use super::grid::Grid;
@@ -14,7 +16,7 @@ use crate::expression::scalar;
 use crate::field;
 use crate::record::Record;
 
-/// Triangles or edges of a task.
+/// Number of triangles or edges that a task handles.
 const TASK: u32 = 64;
 
 /// The primitives of each bin; filled by the phase `bin`.
@@ -22,31 +24,29 @@ const TASK: u32 = 64;
 pub struct Bins {
     /// Lists of the bins by [`Kind`].
     pub lists: Lists,
-    /// What is in them: numbers of primitives.
+    /// The numbers of primitives in these lists.
     pub(super) items: Addr,
 }
 
-/// How many primitives each bin gets.
+/// Counts the primitives that each bin gets.
 pub fn count(bins: &mut Bins, primitives: &Primitives, grid: &Grid, arena: &mut Arena) -> Step {
-    let tasks = tasks(primitives).iter().sum();
+    let tasks = task_counts(primitives).iter().sum();
     let bin_count = grid.faces.bin_count;
     bins.lists = Lists::new(arena, 2 * bin_count, tasks, bin_count);
-    step("bin counts", Ordering::Ordered, Bin::new(bins, primitives, grid, false))
+    Step::ordered("bin counts", tasks, Bin::new(bins, primitives, grid, false))
 }
 
-/// The primitives themselves.
+/// Writes the primitives of each bin.
 pub fn fill(bins: &mut Bins, primitives: &Primitives, grid: &Grid, arena: &mut Arena) -> Step {
     let items = bins.lists.items(arena, 2 * grid.faces.bin_count);
     bins.items = arena.alloc(u64::from(items));
-    step("bin lists", Ordering::Independent, Bin::new(bins, primitives, grid, true))
-}
-
-fn step(name: &'static str, ordering: Ordering, kernel: Bin) -> Step {
-    Step { name, ordering, tasks: tasks(&kernel.primitives).iter().sum(), kernel: Box::new(kernel) }
+    let tasks = task_counts(primitives).iter().sum();
+    // SAFETY: each task writes its own table, and items to places that it has taken in `count`.
+    unsafe { Step::independent("bin lists", tasks, Bin::new(bins, primitives, grid, true)) }
 }
 
 /// Tasks of the triangles and of the edges. A point light has no silhouettes.
-fn tasks(primitives: &Primitives) -> [u32; 2] {
+fn task_counts(primitives: &Primitives) -> [u32; 2] {
     [primitives.triangle_count.div_ceil(TASK), primitives.edge_count.div_ceil(TASK)]
 }
 
@@ -61,7 +61,7 @@ impl Kernel for Bin {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
         let primitives = &self.primitives;
-        let triangle_tasks = v.s_imm(tasks(primitives)[Kind::Triangles as usize] as i32);
+        let triangle_tasks = v.s_imm(task_counts(primitives)[Kind::Triangles as usize] as i32);
         let table = self.bins.lists.table(v, task);
         let kind = if v.branch(Compare::Less, task, triangle_tasks) {
             let (mut i, end) = task_range(v, task, TASK, primitives.triangle_count);

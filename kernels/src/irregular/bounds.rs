@@ -1,6 +1,8 @@
 //! Bounds of the receivers on the image plane of each face: of each task's receivers, then of all.
 
-use lrbsim_isa::{Addr, Arena, Compare, Kernel, Ordering, Step, Vpu, math};
+#![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
+
+use lrbsim_isa::{Addr, Arena, Compare, Kernel, Step, Vpu, math};
 
 use super::faces::{Constants, load_positions, project};
 use super::grid::Grid;
@@ -81,21 +83,25 @@ pub fn of_tasks(grid: &mut Grid, arena: &mut Arena) -> Step {
         of_tasks: Records::new(arena, u64::from(FACES * tasks)),
         of_faces: Records::new(arena, u64::from(FACES)),
     };
-    Step {
-        name: "receiver bounds",
-        ordering: Ordering::Independent,
-        tasks,
-        kernel: Box::new(TaskBounds { receivers: grid.receivers, bounds: grid.bounds }),
+    // SAFETY: each task writes its own table of lanes and, of each face, its own line.
+    unsafe {
+        Step::independent(
+            "receiver bounds",
+            tasks,
+            TaskBounds { receivers: grid.receivers, bounds: grid.bounds },
+        )
     }
 }
 
 /// Bounds of all receivers, by face.
 pub fn of_faces(grid: &Grid) -> Step {
-    Step {
-        name: "face bounds",
-        ordering: Ordering::Independent,
-        tasks: FACES,
-        kernel: Box::new(AllBounds { tasks: grid.receivers.tasks(), bounds: grid.bounds }),
+    // SAFETY: each task writes the line of its own face, and reads the bounds of tasks only.
+    unsafe {
+        Step::independent(
+            "face bounds",
+            FACES,
+            AllBounds { tasks: grid.receivers.tasks(), bounds: grid.bounds },
+        )
     }
 }
 
@@ -139,7 +145,8 @@ impl Kernel for TaskBounds {
                 }
                 let bits = v.kmov_to_scalar(here);
                 let more = v.s_popcnt(bits);
-                *count = v.s_add(*count, more);
+                let before = *count;
+                *count = scalar!(v, before + more);
             }
             i = scalar!(v, i + 16);
         }
@@ -180,12 +187,12 @@ impl Kernel for AllBounds {
         let mut least = v.vset_f32(FAR);
         let mut count = none;
         while v.branch(Compare::Less, i, end) {
-            v.prefetch_l1(of_tasks.field(field!(FaceBounds.least)).plus(64 * AHEAD), i);
+            v.prefetch_l1(of_tasks.field(field!(FaceBounds.least)).plus_lines(AHEAD), i);
             let more = v.s_load(of_tasks.field(field!(FaceBounds.count)), i);
             if v.branch(Compare::Less, none, more) {
                 let other = v.vload_f32(of_tasks.field(field!(FaceBounds.least)), i);
                 least = v.vmin(least, other);
-                count = v.s_add(count, more);
+                count = scalar!(v, count + more);
             }
             i = scalar!(v, i + { line });
         }

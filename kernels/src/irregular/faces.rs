@@ -194,7 +194,7 @@ pub(super) fn load_positions<V: Vpu>(
 ) -> Vec3<V> {
     each!(axis in [0, 1, 2] => {
         let column = receivers.column(field!(Receiver.position[axis]));
-        v.prefetch_l1(column.plus(64), i);
+        v.prefetch_l1(column.plus_lines(1), i);
         v.vload_f32_or(constants.one, live, column, i)
     })
 }

@@ -6,7 +6,9 @@
 //! bounds ─► (host: size of each face's grid) ─► histogram ─► scan ─► scatter ─► nodes: cells ─► bins ─► groups
 //! ```
 
-use lrbsim_isa::{Addr, Arena, Ordering, Step, Vpu};
+#![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
+
+use lrbsim_isa::{Addr, Arena, Step, Vpu};
 
 use super::SLICES;
 use super::bounds::Bounds;
@@ -22,16 +24,16 @@ use crate::scan::{self, Scan};
 /// is read, fetched and written back, and the bandwidth of memory is what moving waits for.
 #[repr(C)]
 pub struct Sample {
-    /// Light-centred.
+    /// Where the sample lies, light-centred.
     pub position: [f32; 3],
-    /// Number of the receiver.
+    /// Number of the receiver that the sample is.
     pub receiver: u32,
 }
 
 /// The grid of a frame; filled by the steps of the phase `grid`, in the order of its fields.
 #[derive(Clone, Copy)]
 pub struct Grid {
-    /// The receivers.
+    /// The receivers that the cells hold.
     pub receivers: Receivers,
     /// Bounds of the receivers by face.
     pub(super) bounds: Bounds,
@@ -67,7 +69,7 @@ impl Grid {
     /// The first samples of the keys after `cells` cells more: where a cell's samples begin, for the word `cell << 2`.
     #[inline(always)]
     pub const fn cell_starts(&self, cells: u32) -> Addr {
-        self.key_starts.plus(4 * (cells * SLICES) as u64)
+        self.key_starts.plus_words((cells * SLICES) as u64)
     }
 
     /// Words from the first column of samples to the one that holds their depths on `face`, but for the sign.
@@ -84,21 +86,12 @@ pub fn count(grid: &mut Grid, arena: &mut Arena) -> Step {
     grid.key_starts = arena.alloc(scan::padded(keys));
     grid.scan = Scan::new(arena, grid.key_starts, keys);
     grid.streaks = Streaks::new(arena, &grid.receivers);
-    Step {
-        name: "histogram",
-        ordering: Ordering::Ordered,
-        tasks: grid.receivers.tasks(),
-        kernel: Box::new(Histogram(*grid)),
-    }
+    Step::ordered("histogram", grid.receivers.tasks(), Histogram(*grid))
 }
 
-/// Receivers to their places.
+/// Moves the receivers to their places among the samples.
 pub fn scatter(grid: &mut Grid, arena: &mut Arena) -> Step {
     grid.samples = Columns::new(arena, grid.receivers.count);
-    Step {
-        name: "scatter",
-        ordering: Ordering::Independent,
-        tasks: grid.receivers.tasks(),
-        kernel: Box::new(Scatter(*grid)),
-    }
+    // SAFETY: each task writes the offsets of its own streaks; every receiver has a place of its own among the samples.
+    unsafe { Step::independent("scatter", grid.receivers.tasks(), Scatter(*grid)) }
 }

@@ -34,7 +34,7 @@ impl Lists {
 
     /// Items of the first `lists` lists, once the lengths are summed.
     pub fn items(&self, arena: &Arena, lists: u32) -> u32 {
-        arena.read_u32(self.starts.plus(4 * u64::from(lists)))
+        arena.read_u32(self.starts.plus_words(u64::from(lists)))
     }
 
     /// First word of the table of a task.
@@ -43,7 +43,8 @@ impl Lists {
         scalar!(v, task * { self.words as i32 })
     }
 
-    /// Adds an item to 16 lists, those of words `at..` of the task's table; the number of items before it.
+    /// Adds an item to those of 16 lists that are in `live`, at words `at..` of the task's table; how many items the task put
+    /// in each list before.
     #[inline(always)]
     pub fn add<V: Vpu>(&self, v: &mut V, live: V::Mask, at: V::S32) -> V::I32 {
         let one = v.vset_i32(1);
@@ -53,7 +54,8 @@ impl Lists {
         before
     }
 
-    /// Adds an item to 16 lists as [`Lists::add`], in `fill`; its place. `list`: the first of the lists.
+    /// Adds an item to those of 16 lists that are in `live`, when lists are filled; the place of the item in each. `at` as in
+    /// [`Lists::add`], `list` the number of the first list.
     #[inline(always)]
     pub fn place<V: Vpu>(&self, v: &mut V, live: V::Mask, at: V::S32, list: V::S32) -> V::I32 {
         let in_list = self.add(v, live, at);

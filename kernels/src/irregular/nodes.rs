@@ -1,6 +1,8 @@
 //! The hierarchy over the samples: rectangle and greatest depth of every cell, block, bin and group.
 
-use lrbsim_isa::{Arena, Compare, Kernel, Ordering, Step, Vpu, math};
+#![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
+
+use lrbsim_isa::{Arena, Compare, Kernel, Step, Vpu, math};
 
 use super::faces::{BinPlace, FaceParameters, Faces};
 use super::grid::{Grid, Sample};
@@ -13,9 +15,9 @@ use crate::record::Field;
 /// A rectangle of a face's image plane and what it holds: a cell, a block, a bin or a group.
 #[repr(C)]
 pub struct Node {
-    /// Its middle.
+    /// The middle of the rectangle on the image plane.
     pub center: [f32; 2],
-    /// Half of its width and height.
+    /// Half of the width and of the height of the rectangle.
     pub half: [f32; 2],
     /// Greatest depth of a receiver inside; 0 where there is none.
     pub depth: f32,
@@ -51,31 +53,23 @@ pub fn cells(grid: &mut Grid, arena: &mut Arena) -> Step {
         bins: Columns::new(arena, faces.bin_count),
         groups: Columns::new(arena, (faces.bin_count / CHILDREN).next_multiple_of(16) + 16),
     };
-    Step {
-        name: "cell depths",
-        ordering: Ordering::Independent,
-        tasks: grid.faces.block_count() / BLOCKS,
-        kernel: Box::new(Cells { grid: *grid }),
-    }
+    // SAFETY: each task writes the cells of its own blocks.
+    unsafe { Step::independent("cell depths", grid.faces.block_count() / BLOCKS, Cells { grid: *grid }) }
 }
 
 /// Rectangles and depths of blocks and bins, from the cells.
 pub fn bins(grid: &Grid) -> Step {
-    Step {
-        name: "bin depths",
-        ordering: Ordering::Independent,
-        tasks: grid.faces.bin_count,
-        kernel: Box::new(Bins { faces: grid.faces, nodes: grid.nodes }),
+    // SAFETY: each task writes its own bin and the blocks of that.
+    unsafe {
+        Step::independent("bin depths", grid.faces.bin_count, Bins { faces: grid.faces, nodes: grid.nodes })
     }
 }
 
 /// Rectangles and depths of the groups, from the bins.
 pub fn groups(grid: &Grid) -> Step {
-    Step {
-        name: "group depths",
-        ordering: Ordering::Independent,
-        tasks: grid.faces.bin_count / CHILDREN,
-        kernel: Box::new(Groups { nodes: grid.nodes }),
+    // SAFETY: each task writes its own group.
+    unsafe {
+        Step::independent("group depths", grid.faces.bin_count / CHILDREN, Groups { nodes: grid.nodes })
     }
 }
 
@@ -180,7 +174,7 @@ impl Cells {
             let mut deepest = shallowest;
             while v.branch(Compare::Less, sample, end) {
                 let live = lanes_below(v, sample, end);
-                v.prefetch_l1(column.plus(64 * AHEAD), sample);
+                v.prefetch_l1(column.plus_lines(AHEAD), sample);
                 let z = v.vload_i32_or(shallowest, live, column, sample);
                 deepest = v.vimax(deepest, z);
                 sample = scalar!(v, sample + 16);
@@ -211,7 +205,7 @@ impl Kernel for Bins {
         let first_cell = scalar!(v, first_block << 4);
         let depths = nodes.cells.column(field!(Node.depth));
         for block in 0..CHILDREN {
-            v.prefetch_l1(depths.plus(64 * u64::from(block)), first_cell);
+            v.prefetch_l1(depths.plus_lines(u64::from(block)), first_cell);
         }
         let face = v.s_load(self.faces.bin_places.column(field!(BinPlace.face)), bin);
         let place = Place::load(v, &self.faces, bin, face);
@@ -219,7 +213,7 @@ impl Kernel for Bins {
         // Blocks.
         let mut depth = v.vset_f32(0.0);
         for block in 0..CHILDREN {
-            let of_cells = v.vload_f32(depths.plus(64 * u64::from(block)), first_cell);
+            let of_cells = v.vload_f32(depths.plus_lines(u64::from(block)), first_cell);
             let deepest = math::reduce_max(v, of_cells);
             let lane = v.s_imm(1 << block);
             let here = v.kmov_from_scalar(lane);

@@ -7,7 +7,9 @@
 //! pieces ─► count ─► scan ─► fill          a piece is at most 64 primitives of one bin
 //! ```
 
-use lrbsim_isa::{Addr, Arena, Compare, Kernel, Ordering, Step, Vpu};
+#![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
+
+use lrbsim_isa::{Addr, Arena, Compare, Kernel, Step, Vpu};
 
 use super::BIN_CELLS;
 use super::bin::Bins;
@@ -30,7 +32,7 @@ const LISTS: u32 = 16;
 /// A primitive that can shadow samples of a cell.
 #[repr(C)]
 pub struct CellRecord {
-    /// Its number.
+    /// Number of the primitive.
     pub primitive: i32,
     /// Least depth of a receiver that it can shadow there.
     pub start: f32,
@@ -50,9 +52,9 @@ struct Piece {
 /// Counters of the pieces: one line.
 #[repr(C, align(64))]
 struct PieceCounters {
-    /// How many there are.
+    /// Number of pieces of all lists.
     total: u32,
-    /// How many have been written.
+    /// Number of pieces that have been written.
     written: u32,
 }
 
@@ -64,7 +66,7 @@ pub struct Raster {
     piece_count: u32,
     /// Lists of the cells by [`Kind`](super::primitives::Kind).
     pub lists: Lists,
-    /// What is in them.
+    /// The records in these lists.
     pub records: Records<CellRecord>,
 }
 
@@ -81,23 +83,22 @@ impl Raster {
     }
 }
 
-/// How many pieces the lists of the bins have.
+/// Counts the pieces into which the lists of the bins are cut.
 pub fn count_pieces(raster: &Raster, bins: &Bins, grid: &Grid) -> Step {
-    piece_step("raster pieces", Ordering::Independent, Pieces::new(raster, bins, grid, false))
+    let kernel = Pieces::new(raster, bins, grid, false);
+    // SAFETY: tasks only add to the counter.
+    unsafe { Step::independent("raster pieces", kernel.tasks(), kernel) }
 }
 
-/// The pieces themselves.
+/// Cuts the lists of the bins into pieces.
 pub fn fill_pieces(raster: &mut Raster, bins: &Bins, grid: &Grid, arena: &mut Arena) -> Step {
     raster.piece_count = arena.read_u32(raster.counters.field(field!(PieceCounters.total)));
     raster.pieces = Columns::new(arena, raster.piece_count);
-    piece_step("raster tasks", Ordering::Ordered, Pieces::new(raster, bins, grid, true))
+    let kernel = Pieces::new(raster, bins, grid, true);
+    Step::ordered("raster tasks", kernel.tasks(), kernel)
 }
 
-fn piece_step(name: &'static str, ordering: Ordering, kernel: Pieces) -> Step {
-    Step { name, ordering, tasks: kernel.list_count.div_ceil(LISTS), kernel: Box::new(kernel) }
-}
-
-/// How many records each cell gets.
+/// Counts the records that each cell gets.
 pub fn count(
     raster: &mut Raster,
     bins: &Bins,
@@ -108,10 +109,10 @@ pub fn count(
     raster.lists = Lists::new(arena, 2 * grid.faces.cell_count(), raster.piece_count, BIN_CELLS);
     let kernel =
         Rasterize { raster: *raster, bins: *bins, primitives: *primitives, grid: *grid, fill: false };
-    raster_step("record counts", Ordering::Ordered, kernel)
+    Step::ordered("record counts", raster.piece_count, kernel)
 }
 
-/// The records themselves.
+/// Writes the records of each cell.
 pub fn fill(
     raster: &mut Raster,
     bins: &Bins,
@@ -122,11 +123,8 @@ pub fn fill(
     let total = raster.lists.items(arena, 2 * grid.faces.cell_count());
     raster.records = Records::new(arena, u64::from(total));
     let kernel = Rasterize { raster: *raster, bins: *bins, primitives: *primitives, grid: *grid, fill: true };
-    raster_step("records", Ordering::Independent, kernel)
-}
-
-fn raster_step(name: &'static str, ordering: Ordering, kernel: Rasterize) -> Step {
-    Step { name, ordering, tasks: kernel.raster.piece_count, kernel: Box::new(kernel) }
+    // SAFETY: each task writes its own table, and records to places that it has taken in `count`.
+    unsafe { Step::independent("records", raster.piece_count, kernel) }
 }
 
 /// Splits the lists of the bins into pieces.
@@ -148,6 +146,10 @@ impl Pieces {
             fill,
         }
     }
+
+    fn tasks(&self) -> u32 {
+        self.list_count.div_ceil(LISTS)
+    }
 }
 
 impl Kernel for Pieces {
@@ -157,7 +159,7 @@ impl Kernel for Pieces {
         let (mut list, end) = task_range(v, task, LISTS, self.list_count);
         while v.branch(Compare::Less, list, end) {
             let mut first = v.s_load(self.list_starts, list);
-            let last = v.s_load(self.list_starts.plus(4), list);
+            let last = v.s_load(self.list_starts.plus_words(1), list);
             let pieces = scalar!(v, ((last - first) + { (1 << PIECE_LOG2) - 1 }) >> { PIECE_LOG2 });
             if v.branch(Compare::Less, zero, pieces) {
                 if self.fill {

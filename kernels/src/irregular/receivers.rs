@@ -11,11 +11,11 @@ use crate::scene::{count_of, fill};
 /// A point visible from the eye, one a covered pixel.
 #[repr(C)]
 pub struct Receiver {
-    /// Light-centred.
+    /// Where the receiver lies, light-centred.
     pub position: [f32; 3],
     /// Number of the triangle that it lies on, which does not shadow it.
     pub triangle: u32,
-    /// Its pixel, row-major.
+    /// The pixel that sees it, row-major.
     pub pixel: u32,
 }
 

@@ -6,7 +6,9 @@
 //! A block whose samples and records make too many vector tests is split into a power of two of runs; those of triangles
 //! and those of edges are split apart.
 
-use lrbsim_isa::{Addr, Arena, Compare, Kernel, Ordering, Step, Vpu, math};
+#![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
+
+use lrbsim_isa::{Addr, Arena, Compare, Kernel, Step, Vpu, math};
 
 use super::CHILDREN;
 use super::faces::BinPlace;
@@ -35,11 +37,11 @@ struct Split {
 /// A share of a block's samples: a task of `hard` or of `soft`.
 #[repr(C)]
 struct Run {
-    /// The block.
+    /// Number of the block.
     block: u32,
     /// Which of the block's 2^j shares.
     share: u32,
-    /// j + 1.
+    /// j + 1, where the block is split into 2^j runs.
     log2: u32,
 }
 
@@ -52,9 +54,9 @@ struct Counter {
 /// Counters of the runs.
 #[repr(C)]
 struct RunCounters {
-    /// How many there are, by [`Kind`].
+    /// Number of runs of all blocks, by [`Kind`].
     totals: [Counter; 2],
-    /// How many have been written, by [`Kind`].
+    /// Number of runs that have been written, by [`Kind`].
     written: [Counter; 2],
 }
 
@@ -63,7 +65,7 @@ struct RunCounters {
 pub struct Runs {
     counters: Records<RunCounters>,
     splits: Columns<Split>,
-    /// By [`Kind`].
+    /// The runs of each [`Kind`].
     runs: [Columns<Run>; 2],
     /// Number of runs by [`Kind`].
     counts: [u32; 2],
@@ -86,29 +88,26 @@ impl Runs {
     }
 }
 
-/// How many runs the samples are split into, for equal work.
+/// Counts the runs into which the samples of each block are split, for equal work.
 pub fn count(runs: &mut Runs, raster: &Raster, grid: &Grid, arena: &mut Arena) -> Step {
     runs.splits = Columns::new(arena, grid.faces.block_count());
-    Step {
-        name: "run counts",
-        ordering: Ordering::Independent,
-        tasks: grid.faces.block_count().div_ceil(BLOCKS),
-        kernel: Box::new(Count { runs: *runs, grid: *grid, list_starts: raster.lists.starts }),
+    // SAFETY: each task writes the splits of its own blocks and adds to the totals.
+    unsafe {
+        Step::independent(
+            "run counts",
+            grid.faces.block_count().div_ceil(BLOCKS),
+            Count { runs: *runs, grid: *grid, list_starts: raster.lists.starts },
+        )
     }
 }
 
-/// The runs themselves.
+/// Writes the runs of each block.
 pub fn fill(runs: &mut Runs, grid: &Grid, arena: &mut Arena) -> Step {
     let totals = runs.counters.field(field!(RunCounters.totals));
-    runs.counts = [0, 1].map(|kind| arena.read_u32(totals.plus(64 * kind)));
+    runs.counts = [0, 1].map(|kind| arena.read_u32(totals.plus_lines(kind)));
     runs.runs = runs.counts.map(|count| Columns::new(arena, count));
     let block_count = grid.faces.block_count();
-    Step {
-        name: "runs",
-        ordering: Ordering::Ordered,
-        tasks: block_count.div_ceil(BLOCKS),
-        kernel: Box::new(Fill { runs: *runs, block_count }),
-    }
+    Step::ordered("runs", block_count.div_ceil(BLOCKS), Fill { runs: *runs, block_count })
 }
 
 /// Vectors of samples in each of the 16 cells of a block.
@@ -148,9 +147,9 @@ impl Kernel for Count {
             let vectors = cell_vectors(v, grid, first_cell);
             let vector_count = sum(v, vectors);
             for kind in Kind::ALL {
-                let starts = list_starts.plus(4 * u64::from(kind.first_list(grid.faces.cell_count())));
+                let starts = list_starts.plus_words(u64::from(kind.first_list(grid.faces.cell_count())));
                 let record_first = v.vload_i32(starts, first_cell);
-                let record_end = v.vload_i32(starts.plus(4), first_cell);
+                let record_end = v.vload_i32(starts.plus_words(1), first_cell);
                 let tests = int!(v, vectors * (record_end - record_first));
                 let tests = sum(v, tests);
                 let mut log2 = zero;
@@ -236,7 +235,7 @@ pub struct Samples<V: Vpu> {
     pub live: V::Mask,
     /// Number of the sample in lane 0.
     pub first: V::S32,
-    /// Light-centred positions.
+    /// Where the samples lie, light-centred.
     pub position: Vec3<V>,
 }
 
@@ -245,10 +244,10 @@ pub trait Shade {
     /// What it keeps of 16 samples from their first primitive to the last.
     type State<V: Vpu>;
 
-    /// Before the first primitive.
+    /// What is known of `samples` before the first primitive.
     fn begin<V: Vpu>(&self, v: &mut V, samples: &Samples<V>) -> Self::State<V>;
 
-    /// Takes one primitive of the cell into account.
+    /// Takes one primitive into account, which can shadow one of `samples`.
     fn add<V: Vpu>(
         &self,
         v: &mut V,
@@ -257,7 +256,7 @@ pub trait Shade {
         primitive: Record<V, CellRecord>,
     );
 
-    /// After the last primitive.
+    /// Stores what is known of `samples` after the last primitive.
     fn finish<V: Vpu>(&self, v: &mut V, samples: &Samples<V>, state: Self::State<V>);
 }
 
@@ -278,7 +277,7 @@ impl Walk {
         Walk {
             runs: runs.runs[kind as usize],
             grid: *grid,
-            list_starts: raster.lists.starts.plus(4 * u64::from(first_list)),
+            list_starts: raster.lists.starts.plus_words(u64::from(first_list)),
             records: raster.records,
         }
     }
@@ -322,7 +321,7 @@ impl Walk {
                 break;
             }
             let record_first = v.s_load(*list_starts, cell);
-            let record_end = v.s_load(list_starts.plus(4), cell);
+            let record_end = v.s_load(list_starts.plus_words(1), cell);
             if v.branch(Compare::Equal, record_first, record_end) {
                 continue;
             }

@@ -108,7 +108,8 @@ impl Kernel for Histogram {
             let live = lanes_below(v, i, streak);
             let key = v.vload_i32_or(none, live, streaks.columns.column(field!(Streak.key)), i);
             let begin = v.vload_i32_or(none, live, streaks.columns.column(field!(Streak.first)), i);
-            let next = v.vload_i32_or(none, live, streaks.columns.column(field!(Streak.first)).plus(4), i);
+            let next =
+                v.vload_i32_or(none, live, streaks.columns.column(field!(Streak.first)).plus_words(1), i);
             let length = int!(v, next - begin);
             let place = v.vatomic_add_or(none, live, grid.key_starts, key, length);
             let offset = int!(v, place - begin);
@@ -177,7 +178,7 @@ impl Kernel for Scatter {
             let to = int!(v, offset + receiver);
             for axis in 0..3 {
                 let from = grid.receivers.columns.column(field!(Receiver.position[axis]));
-                v.prefetch_l1(from.plus(64), i);
+                v.prefetch_l1(from.plus_lines(1), i);
                 let value = v.vload_i32_or(none, live, from, i);
                 v.vscatter_i32(live, grid.samples.column(field!(Sample.position[axis])), to, value);
             }

@@ -1,6 +1,8 @@
 //! Composition: one clamp of all layers and parts, and visibility to the pixels [johnson09, Eq. 4].
 
-use lrbsim_isa::{Addr, Compare, Kernel, Ordering, Step, Vpu};
+#![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
+
+use lrbsim_isa::{Addr, Compare, Kernel, Step, Vpu};
 
 use super::soft::WHOLE;
 use super::{Frame, Sums};
@@ -10,21 +12,23 @@ use crate::field;
 use crate::irregular::grid::{Grid, Sample};
 use crate::irregular::receivers::Receiver;
 
-/// Samples of a task.
+/// Number of samples that a task handles.
 const TASK: u32 = 1024;
 
-/// Composes all samples.
+/// Composes the visibility of all samples.
 pub fn compose(frame: &Frame) -> Step {
-    Step {
-        name: "compose",
-        ordering: Ordering::Independent,
-        tasks: frame.grid.receivers.count.div_ceil(TASK),
-        kernel: Box::new(Compose {
-            grid: frame.grid,
-            sums: frame.sums,
-            is_soft: frame.primitives.light.is_soft(),
-            visibility: frame.visibility,
-        }),
+    // SAFETY: each task writes the pixels of its own samples: a receiver has a pixel of its own.
+    unsafe {
+        Step::independent(
+            "compose",
+            frame.grid.receivers.count.div_ceil(TASK),
+            Compose {
+                grid: frame.grid,
+                sums: frame.sums,
+                is_soft: frame.primitives.light.is_soft(),
+                visibility: frame.visibility,
+            },
+        )
     }
 }
 

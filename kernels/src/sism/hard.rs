@@ -3,7 +3,9 @@
 //! A layer is a counted triangle that hides the middle of the light. Layers are counted, not merely found: at a sample under
 //! two layers both must be crossed by silhouettes before light comes in, and `compose` adds the parts that `soft` finds.
 
-use lrbsim_isa::{Arena, Kernel, Ordering, Step, Vpu};
+#![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
+
+use lrbsim_isa::{Arena, Kernel, Step, Vpu};
 
 use super::{Frame, Sums};
 use crate::columns::Columns;
@@ -20,16 +22,18 @@ use crate::record::{Record, Records};
 /// Counts the layers of every sample.
 pub fn count(frame: &mut Frame, arena: &mut Arena) -> Step {
     frame.sums = Columns::new(arena, frame.grid.receivers.count);
-    Step {
-        name: "hard",
-        ordering: Ordering::Independent,
-        tasks: frame.runs.count(Kind::Triangles),
-        kernel: Box::new(Hard {
-            walk: Walk::new(Kind::Triangles, &frame.grid, &frame.raster, &frame.runs),
-            grid: frame.grid,
-            triangles: frame.primitives.triangles,
-            sums: frame.sums,
-        }),
+    // SAFETY: each task writes the sums of its own samples: a sample lies in one run.
+    unsafe {
+        Step::independent(
+            "hard",
+            frame.runs.count(Kind::Triangles),
+            Hard {
+                walk: Walk::new(Kind::Triangles, &frame.grid, &frame.raster, &frame.runs),
+                grid: frame.grid,
+                triangles: frame.primitives.triangles,
+                sums: frame.sums,
+            },
+        )
     }
 }
 
@@ -44,7 +48,7 @@ struct Hard {
 struct Layers<V: Vpu> {
     /// Number of the triangle that each sample lies on, which does not shadow it.
     own: V::I32,
-    /// Layers in F and B.
+    /// Layers in F and B between each sample and the light.
     layers: [V::I32; 2],
 }
 

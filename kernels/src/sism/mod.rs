@@ -48,27 +48,27 @@ pub struct Options {
 /// What covers the light of a sample: F of the faces towards the light, B of those away from it.
 #[repr(C)]
 pub struct Sums {
-    /// Layers in F and B.
+    /// Layers in F and B between the sample and the light.
     pub layers: [i32; 2],
-    /// Parts of the light in F and B, at 2^-24.
+    /// Parts of the light in F and B beyond silhouette edges, in units of 2^-24.
     pub coverage: [i32; 2],
 }
 
 /// What the host knows of a frame while its program runs: addresses and sizes, by the phase that fills them.
 pub struct Frame {
-    /// Copied in before the first phase.
+    /// The geometry, copied in before the first phase.
     pub scene: Scene,
-    /// Filled by `silhouette`.
+    /// Weights and list of the silhouette edges; filled by `silhouette`.
     pub silhouettes: Silhouettes,
-    /// Filled by `silhouette`.
+    /// Records of triangles and silhouette edges; filled by `silhouette`.
     pub primitives: Primitives,
-    /// Filled by `grid`; the receivers are there before.
+    /// Receivers and their cells; filled by `grid`, the receivers before it.
     pub grid: Grid,
-    /// Filled by `bin`.
+    /// The primitives of each bin; filled by `bin`.
     pub bins: Bins,
-    /// Filled by `raster`.
+    /// The records of each cell; filled by `raster`.
     pub raster: Raster,
-    /// Filled by `raster`.
+    /// The tasks of `hard` and `soft`; filled by `raster`.
     pub runs: Runs,
     /// Sums of each sample, field by field; filled by `hard` and `soft`.
     pub sums: Columns<Sums>,
@@ -99,7 +99,7 @@ impl Frame {
 
     /// Visible part of the light in [0, 1], one a receiver, in the order of the input.
     pub fn visibility(&self, arena: &Arena) -> Vec<f32> {
-        let at = |&pixel: &u32| arena.read_f32(self.visibility.plus(4 * u64::from(pixel)));
+        let at = |&pixel: &u32| arena.read_f32(self.visibility.plus_words(u64::from(pixel)));
         self.pixels.iter().map(at).collect()
     }
 

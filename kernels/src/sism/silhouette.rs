@@ -3,7 +3,9 @@
 //! The paper leaves its cost out. An edge's weight is the number of counted faces left of it less those right of it, as
 //! seen from the light; 0 means that both sides cancel [algorithms, 2.4].
 
-use lrbsim_isa::{Addr, Arena, Compare, Kernel, Ordering, Step, Vpu, math};
+#![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
+
+use lrbsim_isa::{Addr, Arena, Compare, Kernel, Step, Vpu, math};
 
 use super::soft::rounding_offset;
 use crate::columns::{lanes_below, task_range};
@@ -17,7 +19,7 @@ use crate::plane::{Vec3, cross, dot, edge_normal, plane_slack, sub};
 use crate::record::{Records, words};
 use crate::scene::{Edge, Scene, Triangle, Vertex};
 
-/// Triangles or edges of a task.
+/// Number of triangles or edges that a task handles.
 const TASK: u32 = 256;
 
 /// The silhouettes of a frame: what the phase `silhouette` works with, beside the records that it makes.
@@ -27,9 +29,9 @@ pub struct Silhouettes {
     edge_weights: Addr,
     /// Number of edges that weigh something, as counted.
     counter: Addr,
-    /// Number of these edges written so far.
+    /// Number of edges that have been written to `edges`.
     written: Addr,
-    /// The edges that weigh something.
+    /// Numbers of the edges that weigh something.
     edges: Addr,
 }
 
@@ -41,31 +43,31 @@ impl Silhouettes {
     }
 }
 
-/// Records of all triangles.
+/// Makes the records of all triangles.
 pub fn triangles(scene: &Scene, primitives: &Primitives) -> Step {
-    Step {
-        name: "triangle records",
-        ordering: Ordering::Independent,
-        tasks: scene.triangle_count.div_ceil(TASK),
-        kernel: Box::new(TriangleRecords { scene: *scene, records: primitives.triangles }),
+    // SAFETY: each task writes the records of its own triangles.
+    unsafe {
+        Step::independent(
+            "triangle records",
+            scene.triangle_count.div_ceil(TASK),
+            TriangleRecords { scene: *scene, records: primitives.triangles },
+        )
     }
 }
 
-/// Weights of all edges, and how many weigh something.
+/// Finds the weights of all edges, and counts those that weigh something.
 pub fn weights(scene: &Scene, silhouettes: &Silhouettes, primitives: &Primitives) -> Step {
-    Step {
-        name: "edge weights",
-        ordering: Ordering::Independent,
-        tasks: scene.edge_count.div_ceil(TASK),
-        kernel: Box::new(Weights {
-            scene: *scene,
-            silhouettes: *silhouettes,
-            triangles: primitives.triangles,
-        }),
+    // SAFETY: each task writes the weights of its own edges and adds to the counter.
+    unsafe {
+        Step::independent(
+            "edge weights",
+            scene.edge_count.div_ceil(TASK),
+            Weights { scene: *scene, silhouettes: *silhouettes, triangles: primitives.triangles },
+        )
     }
 }
 
-/// The edges that weigh something, packed.
+/// Packs the edges that weigh something into a list.
 pub fn select(
     scene: &Scene,
     silhouettes: &mut Silhouettes,
@@ -77,27 +79,28 @@ pub fn select(
     primitives.edge_count = count;
     primitives.edges = Records::new(arena, u64::from(count + 16));
     silhouettes.written = arena.alloc(1);
-    Step {
-        name: "silhouette list",
-        ordering: Ordering::Ordered,
-        tasks: scene.edge_count.div_ceil(TASK),
-        kernel: Box::new(Select { edge_count: scene.edge_count, silhouettes: *silhouettes }),
-    }
+    Step::ordered(
+        "silhouette list",
+        scene.edge_count.div_ceil(TASK),
+        Select { edge_count: scene.edge_count, silhouettes: *silhouettes },
+    )
 }
 
-/// Records of the silhouette edges.
+/// Makes the records of the silhouette edges.
 pub fn records(scene: &Scene, silhouettes: &Silhouettes, primitives: &Primitives) -> Step {
-    Step {
-        name: "edge records",
-        ordering: Ordering::Independent,
-        tasks: primitives.edge_count.div_ceil(TASK),
-        kernel: Box::new(EdgeRecords {
-            scene: *scene,
-            silhouettes: *silhouettes,
-            light: primitives.light,
-            count: primitives.edge_count,
-            records: primitives.edges,
-        }),
+    // SAFETY: each task writes the records of its own edges.
+    unsafe {
+        Step::independent(
+            "edge records",
+            primitives.edge_count.div_ceil(TASK),
+            EdgeRecords {
+                scene: *scene,
+                silhouettes: *silhouettes,
+                light: primitives.light,
+                count: primitives.edge_count,
+                records: primitives.edges,
+            },
+        )
     }
 }
 
@@ -216,7 +219,7 @@ fn edge_weights<V: Vpu>(v: &mut V, of: &Weights, live: V::Mask, i: V::S32) -> [V
     let two = v.vset_i32(2);
     let four = v.vset_i32(4);
     let first = v.vload_i32(of.scene.edge_first, i);
-    let end = v.vload_i32(of.scene.edge_first.plus(4), i);
+    let end = v.vload_i32(of.scene.edge_first.plus_words(1), i);
     let mut face_at = first;
     let (mut front, mut back) = (zero, zero);
     let mut left_over = v.vicmp_lt_masked(live, face_at, end);

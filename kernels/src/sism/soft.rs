@@ -4,7 +4,9 @@
 //! within the wedge that the edge subtends at the middle. With the layers of `hard` these parts add up to what is covered
 //! [algorithms, 0]: negative where the middle is on the occluder's side, since a layer was counted there.
 
-use lrbsim_isa::{Kernel, Ordering, Step, Vpu};
+#![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
+
+use lrbsim_isa::{Kernel, Step, Vpu};
 
 use super::{Frame, Sums};
 use crate::columns::Columns;
@@ -23,16 +25,18 @@ pub const WHOLE: f32 = (1 << 24) as f32;
 
 /// Sums the edges' parts for every sample.
 pub fn sum(frame: &Frame) -> Step {
-    Step {
-        name: "soft",
-        ordering: Ordering::Independent,
-        tasks: frame.runs.count(Kind::Edges),
-        kernel: Box::new(Soft {
-            walk: Walk::new(Kind::Edges, &frame.grid, &frame.raster, &frame.runs),
-            light: frame.primitives.light,
-            edges: frame.primitives.edges,
-            sums: frame.sums,
-        }),
+    // SAFETY: each task writes the sums of its own samples: a sample lies in one run.
+    unsafe {
+        Step::independent(
+            "soft",
+            frame.runs.count(Kind::Edges),
+            Soft {
+                walk: Walk::new(Kind::Edges, &frame.grid, &frame.raster, &frame.runs),
+                light: frame.primitives.light,
+                edges: frame.primitives.edges,
+                sums: frame.sums,
+            },
+        )
     }
 }
 

@@ -5,7 +5,9 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use lrbsim_isa::{Arena, Compare, HostSimd, Kernel, OpCounts, Ordering, Step, Stream, Vpu, run_functional};
+use lrbsim_isa::{
+    Arena, Compare, HostSimd, Kernel, OpCounts, Step, StepSource, Stream, TaskSource, Vpu, run_functional,
+};
 use lrbsim_kernels::columns::{Columns, lanes_below};
 use lrbsim_kernels::field;
 use lrbsim_kernels::irregular::grid::Sample;
@@ -52,8 +54,8 @@ pub struct StepFigures {
 }
 
 /// Runs a step.
-pub fn run_step(step: &Step, arena: &Arena, on: On) -> StepFigures {
-    let mut figures = StepFigures { tasks: step.tasks, ..StepFigures::default() };
+pub fn run_step(step: &Step, arena: &mut Arena, on: On) -> StepFigures {
+    let mut figures = StepFigures { tasks: step.tasks(), ..StepFigures::default() };
     match on {
         On::Host(simd, threads) => {
             let counts: OpCounts = run_functional(step, arena, simd, threads);
@@ -61,9 +63,9 @@ pub fn run_step(step: &Step, arena: &Arena, on: On) -> StepFigures {
         }
         On::Recording(simd) => {
             let mut stream = Stream::default();
-            for task in 0..step.tasks {
-                stream.clear();
-                step.kernel.record(simd, arena, task, &mut stream);
+            let source = StepSource::new(step, arena, simd, 1);
+            for task in 0..step.tasks() {
+                source.record(task, &mut stream);
                 figures.uops += stream.uops.len() as u64;
                 figures.longest_task = figures.longest_task.max(stream.uops.len());
                 figures.live_vectors_max = figures.live_vectors_max.max(stream.live_vectors_max);
@@ -90,12 +92,11 @@ impl Run {
         for phase in &program.phases {
             for make in &phase.steps {
                 let step = make(&mut program.state, &mut arena);
-                let figures = run_step(&step, &arena, on);
+                let figures = run_step(&step, &mut arena, on);
                 *phases.entry(phase.id).or_default() += figures.uops;
-                steps.insert(step.name, figures);
+                steps.insert(step.name(), figures);
             }
         }
-        assert_eq!(arena.host_reads_in_task(), 0, "a task read the arena past the Vpu");
         Run { arena, frame: program.state, steps, phases }
     }
 
@@ -110,13 +111,9 @@ impl Run {
     pub fn brute_force(&mut self, on: On) -> BTreeMap<u32, [i32; 4]> {
         let receivers = self.frame.grid.receivers;
         let out = Columns::new(&mut self.arena, receivers.count);
-        let step = Step {
-            name: "brute force",
-            ordering: Ordering::Independent,
-            tasks: receivers.count.div_ceil(16),
-            kernel: Box::new(BruteForce { receivers, primitives: self.frame.primitives, out }),
-        };
-        run_step(&step, &self.arena, on);
+        let kernel = BruteForce { receivers, primitives: self.frame.primitives, out };
+        let step = Step::ordered("brute force", receivers.count.div_ceil(16), kernel);
+        run_step(&step, &mut self.arena, on);
         sums(&self.arena, &self.frame, out, |i| i)
     }
 
@@ -235,9 +232,9 @@ pub fn evaluate<const IN: usize, const OUT: usize, F: Lanewise<IN, OUT>>(
                 arena.write_u32(from.host(i as u32, Field::whole().at(c)), x.to_bits());
             }
         }
-        let kernel = Box::new(Shell::<F, IN, OUT> { function: function.clone(), from, to });
-        let step = Step { name: "function", ordering: Ordering::Independent, tasks: count / 16, kernel };
-        run_step(&step, &arena, on);
+        let kernel = Shell::<F, IN, OUT> { function: function.clone(), from, to };
+        let step = Step::ordered("function", count / 16, kernel);
+        run_step(&step, &mut arena, on);
         let read =
             |i: usize| core::array::from_fn(|c| arena.read_u32(to.host(i as u32, Field::whole().at(c))));
         let found: Vec<[u32; OUT]> = (0..cases.len()).map(read).collect();

@@ -5,15 +5,17 @@ use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use crate::arena::Arena;
 use crate::emit::OpCounts;
 use crate::host::HostSimd;
-use crate::program::{Ordering, Step};
+use crate::program::{Step, StepSource, TaskSource};
 
-/// Runs all tasks of `step` on `threads` host threads, without timing, and counts their operations.
+/// Runs all tasks of `step` on `host_threads` host threads, without timing, and counts their operations.
 ///
-/// An ordered step runs on one thread. Memory afterwards and the counts do not depend on `threads`.
-pub fn run_functional(step: &Step, arena: &Arena, simd: HostSimd, threads: usize) -> OpCounts {
+/// An ordered step runs on one thread. Memory afterwards and the counts do not depend on `host_threads`.
+pub fn run_functional(step: &Step, arena: &mut Arena, simd: HostSimd, host_threads: usize) -> OpCounts {
+    let source = StepSource::new(step, arena, simd, host_threads);
+    let tasks = source.tasks();
     let mut counts = OpCounts::default();
-    if step.ordering == Ordering::Ordered || threads <= 1 || step.tasks <= 1 {
-        step.kernel.run(simd, arena, 0..step.tasks, false, &mut counts);
+    if source.is_ordered() || host_threads <= 1 || tasks <= 1 {
+        source.count(0..tasks, &mut counts);
         return counts;
     }
     // Small chunks in index order: tasks differ in cost by orders of magnitude.
@@ -22,14 +24,14 @@ pub fn run_functional(step: &Step, arena: &Arena, simd: HostSimd, threads: usize
         let mut counts = OpCounts::default();
         loop {
             let task = next.fetch_add(1, Relaxed);
-            if task >= step.tasks {
+            if task >= tasks {
                 return counts;
             }
-            step.kernel.run(simd, arena, task..task + 1, true, &mut counts);
+            source.count(task..task + 1, &mut counts);
         }
     };
     std::thread::scope(|scope| {
-        let workers: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
+        let workers: Vec<_> = (0..host_threads).map(|_| scope.spawn(work)).collect();
         for worker in workers {
             match worker.join() {
                 Ok(partial) => counts.add(&partial),

@@ -15,6 +15,7 @@
 
 pub mod arena;
 pub mod backend;
+mod claims;
 pub mod emit;
 pub mod examples;
 pub mod functional;

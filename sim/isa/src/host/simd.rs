@@ -6,24 +6,24 @@ use core::str::FromStr;
 /// Host instructions that compute the lanes. Results do not depend on it, only host time does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum HostSimd {
-    /// 512-bit registers and masks.
+    /// AVX-512: registers of 512 bits, and masks.
     Avx512,
-    /// 256-bit registers with fused multiply-add.
+    /// AVX2: registers of 256 bits, with fused multiply-add.
     Avx2,
     /// Plain loops: the `Scalar` back end, and the definition of every operation.
     Portable,
 }
 
 impl HostSimd {
-    /// All of them, fastest first.
+    /// All sets of host instructions, fastest first.
     pub const ALL: [HostSimd; 3] = [HostSimd::Avx512, HostSimd::Avx2, HostSimd::Portable];
 
-    /// The fastest that this host has.
+    /// The fastest set of host instructions that this host has.
     pub fn detect() -> HostSimd {
         HostSimd::ALL.into_iter().find(|simd| simd.is_available()).unwrap_or(HostSimd::Portable)
     }
 
-    /// Whether this host has it.
+    /// Whether this host has these instructions.
     pub fn is_available(self) -> bool {
         match self {
             #[cfg(target_arch = "x86_64")]

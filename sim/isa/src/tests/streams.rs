@@ -136,9 +136,9 @@ fn recorded_programs_are_the_same_bytes_as_ever() {
         let mut hash = 1;
         for make_step in program.phases.iter().flat_map(|phase| &phase.steps) {
             let step = make_step(&mut program.state, &mut arena);
-            for task in 0..step.tasks {
+            for task in 0..step.tasks() {
                 stream.clear();
-                step.kernel.record(simd, &arena, task, &mut stream);
+                step.kernel().record(simd, &arena, task, &mut stream);
                 let lines = stream.lines.iter().map(|line| line.bits());
                 stream.uops.iter().copied().chain(lines).for_each(|word| mix(&mut hash, u64::from(word)));
                 mix(&mut hash, stream.lanes_active);
