@@ -25,9 +25,8 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use lrbsim::progress::{Progress, Stopwatch};
 use lrbsim::{Algorithm, HostOptions, Machine, RunRequest, inputs, run_frame};
-use lrbsim_isa::host::run_functional;
 use lrbsim_isa::program::{StepSource, TaskSource};
-use lrbsim_isa::{Arena, HostSimd, OpCounts, Step, Stream};
+use lrbsim_isa::{Arena, HostSimd, OpCounts, Step, Stream, run_functional};
 use lrbsim_kernels::sism;
 use lrbsim_machine::{Chip, Fidelity, MachineConfig, builtin_machine};
 use lrbsim_workloads::{Adjacency, EyeView, ShadowInput, load_scene};
@@ -186,21 +185,21 @@ fn measure(
             }
             let step: Step = make(&mut program.state, &mut arena);
             let Some(stage) = stage.filter(|_| at.id == phase) else {
-                run_functional(&step, &arena, simd, 1);
+                run_functional(&step, &mut arena, simd, 1);
                 continue;
             };
-            let tasks = (f64::from(step.tasks) * of_tasks).ceil() as u32;
-            let inner = StepSource { step: &step, arena: &arena, simd, shared: false };
+            let tasks = (f64::from(step.tasks()) * of_tasks).ceil() as u32;
+            let inner = StepSource::new(&step, &mut arena, simd, 1);
             let source = FirstTasks { inner, tasks, uops: AtomicU64::new(0) };
             let mut counts = OpCounts::default();
             let spent = meter.measure(|| match stage {
-                Stage::Functional => step.kernel.run(simd, &arena, 0..tasks, false, &mut counts),
+                Stage::Functional => source.inner.count(0..tasks, &mut counts),
                 Stage::Emission => (0..tasks).for_each(|task| source.record(task, &mut stream)),
                 Stage::Windowed => drop(chips[0].run_step(&source)),
                 Stage::Cycle => drop(chips[1].run_step(&source)),
             });
-            cost.add(source.uops.into_inner() + counts.total(), spent);
-            step.kernel.run(simd, &arena, tasks..step.tasks, false, &mut counts);
+            cost.add(source.uops.load(Relaxed) + counts.total(), spent);
+            source.inner.count(tasks..step.tasks(), &mut counts);
         }
         if at.id == phase {
             return Ok(cost);

@@ -2,10 +2,10 @@
 //!
 //! How many these are never shows in a result.
 
-use lrbsim_isa::host::{HostSimd, run_functional};
+use lrbsim_isa::host::HostSimd;
 use lrbsim_isa::program::{StepSource, TaskSource};
 use lrbsim_isa::stream::TASK_UOPS_MAX;
-use lrbsim_isa::{Arena, Ordering, Step, Stream};
+use lrbsim_isa::{Arena, Step, Stream, run_functional};
 use lrbsim_machine::{Chip, Fidelity, MachineSpec, StepReport};
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
@@ -39,24 +39,23 @@ impl Engine {
     pub fn run(
         &mut self,
         step: &Step,
-        arena: &Arena,
+        arena: &mut Arena,
         progress: &dyn Progress,
     ) -> Result<StepReport, BadInput> {
         let Some(chip) = &mut self.chip else {
             return Ok(run_untimed(step, arena, self.simd, self.host_threads));
         };
         let too_long = AtomicU32::new(NO_TASK);
-        let shared = self.host_threads > 1 && step.ordering == Ordering::Independent;
-        let inner = StepSource { step, arena, simd: self.simd, shared };
+        let inner = StepSource::new(step, arena, self.simd, self.host_threads);
         let report = chip
             .run_step(&Watched { inner, progress, too_long: &too_long })
-            .map_err(|stuck| BadInput::new(format!("step `{}`: {stuck}", step.name)))?;
+            .map_err(|stuck| BadInput::new(format!("step `{}`: {stuck}", step.name())))?;
         match too_long.into_inner() {
             NO_TASK => Ok(report),
             task => Err(BadInput::new(format!(
                 "task {task} of step `{}` has more instructions than can be recorded: more than {TASK_UOPS_MAX}, or \
                  more than the host has memory for",
-                step.name
+                step.name()
             ))
             .with_help("a smaller image or mesh has shorter tasks; `--fidelity functional` records none")),
         }
@@ -64,11 +63,11 @@ impl Engine {
 }
 
 /// Counts operations, without a machine.
-fn run_untimed(step: &Step, arena: &Arena, simd: HostSimd, threads: usize) -> StepReport {
+fn run_untimed(step: &Step, arena: &mut Arena, simd: HostSimd, threads: usize) -> StepReport {
     let counts = run_functional(step, arena, simd, threads);
     StepReport {
         steps: 1,
-        tasks: u64::from(step.tasks),
+        tasks: u64::from(step.tasks()),
         issued: counts.total(),
         lanes_active: counts.lanes_active(),
         lanes_masked: counts.lanes_masked,

@@ -4,7 +4,7 @@
 
 use std::path::Path;
 
-use lrbsim_isa::{Arena, Class, HostSimd, OpCounts, host::run_functional};
+use lrbsim_isa::{Arena, Class, HostSimd, OpCounts, run_functional};
 use lrbsim_kernels::sism;
 use lrbsim_workloads::reference::{ErrorMetrics, shadow_rays};
 use lrbsim_workloads::{Adjacency, EyeView, ShadowInput, load_scene};
@@ -31,8 +31,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let mut tasks = 0;
         for make in &phase.steps {
             let step = make(&mut program.state, &mut arena);
-            tasks += step.tasks;
-            counts.add(&run_functional(&step, &arena, HostSimd::detect(), 1));
+            tasks += step.tasks();
+            counts.add(&run_functional(&step, &mut arena, HostSimd::detect(), 1));
         }
         total += counts.total();
         let of = |class: Class| counts.class_counts[class as usize];

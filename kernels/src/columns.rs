@@ -1,46 +1,75 @@
-//! Arrays side by side in the arena, and what every kernel does with them.
+//! Records field by field in the arena, and what every kernel does with arrays.
+
+use core::marker::PhantomData;
 
 use lrbsim_isa::{Addr, Arena, Compare, Vpu};
 
-/// Arrays of equal length: structure of arrays, one word an element.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct Columns {
+use crate::expression::scalar;
+use crate::record::{Field, words};
+
+/// Records `R` field by field: an array for each word of the record, all of one length.
+pub struct Columns<R> {
     base: Addr,
-    /// Words from one array to the next.
+    /// Words from the start of one column to the start of the next.
     stride: u32,
+    record: PhantomData<fn() -> R>,
 }
 
-impl Columns {
-    /// Allocates `columns` arrays of `count` words each. A vector load of the last element stays inside.
-    pub fn new(arena: &mut Arena, columns: u32, count: u32) -> Columns {
-        let stride = (count + 16).next_multiple_of(16);
-        Columns { base: arena.alloc(u64::from(columns) * u64::from(stride)), stride }
+impl<R> Columns<R> {
+    /// Allocates columns of `count` records. A vector load of the last element stays inside.
+    pub fn new(arena: &mut Arena, count: u32) -> Columns<R> {
+        Columns::with_stride(arena, (count + 16).next_multiple_of(16))
     }
 
-    /// Where array `column` begins.
+    /// Allocates columns of `stride` records, without room behind.
+    pub fn with_stride(arena: &mut Arena, stride: u32) -> Columns<R> {
+        let words = u64::from(words::<R>()) * u64::from(stride);
+        Columns { base: arena.alloc(words), stride, record: PhantomData }
+    }
+
+    /// Where the column of `field` begins, for a field of several words that of the first.
     #[inline(always)]
-    pub const fn column(self, column: u32) -> Addr {
-        self.base.plus(4 * column as u64 * self.stride as u64)
+    pub const fn column<T>(self, field: Field<R, T>) -> Addr {
+        self.base.plus(field.offset_bytes() * self.stride as u64)
     }
 
-    /// Words from one array to the next.
+    /// Where `field` of record `number` lies, for the host.
+    pub const fn host<T>(self, number: u32, field: Field<R, T>) -> Addr {
+        self.column(field).plus_words(number as u64)
+    }
+
+    /// Words from the start of one column to the start of the next.
     #[inline(always)]
     pub const fn stride(self) -> u32 {
         self.stride
     }
 }
 
+impl<R> Default for Columns<R> {
+    /// Columns that are not allocated yet.
+    fn default() -> Self {
+        Columns { base: Addr(0), stride: 0, record: PhantomData }
+    }
+}
+
+impl<R> Clone for Columns<R> {
+    #[inline(always)]
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<R> Copy for Columns<R> {}
+
 /// Lanes `i` with `first + i < end`. Two scalar operations and a branch for all but the last vector of an array.
 #[inline(always)]
 pub fn lanes_below<V: Vpu>(v: &mut V, first: V::S32, end: V::S32) -> V::Mask {
-    let left = v.s_sub(end, first);
+    let left = scalar!(v, end - first);
     let lanes = v.s_imm(16);
     if v.branch(Compare::LessEqual, lanes, left) {
         return v.mask_all();
     }
-    let one = v.s_imm(1);
-    let bits = v.s_shl(one, left);
-    let bits = v.s_sub(bits, one);
+    let bits = scalar!(v, (1 << left) - 1);
     v.kmov_from_scalar(bits)
 }
 
@@ -53,9 +82,8 @@ pub fn lower<V: Vpu>(v: &mut V, a: V::S32, b: V::S32) -> V::S32 {
 /// First and end of task `task` of `size` items each, out of `count`.
 #[inline(always)]
 pub fn task_range<V: Vpu>(v: &mut V, task: V::S32, size: u32, count: u32) -> (V::S32, V::S32) {
-    let size = v.s_imm(size as i32);
-    let first = v.s_mul(task, size);
-    let end = v.s_add(first, size);
+    let first = scalar!(v, task * { size as i32 });
+    let end = scalar!(v, first + { size as i32 });
     let count = v.s_imm(count as i32);
     (first, lower(v, end, count))
 }
@@ -63,9 +91,21 @@ pub fn task_range<V: Vpu>(v: &mut V, task: V::S32, size: u32, count: u32) -> (V:
 /// Number of the lowest bit that is set in `bits`, which is cleared: the lanes of a mask one after the other.
 #[inline(always)]
 pub fn take_lane<V: Vpu>(v: &mut V, bits: &mut V::S32) -> V::S32 {
-    let one = v.s_imm(1);
-    let lane = v.s_tzcnt(*bits);
-    let rest = v.s_sub(*bits, one);
-    *bits = v.s_and(*bits, rest);
+    let all = *bits;
+    let lane = v.s_tzcnt(all);
+    *bits = scalar!(v, all & (all - 1));
     lane
+}
+
+/// Sum of 16 integers, as a scalar.
+#[inline(always)]
+pub fn sum<V: Vpu>(v: &mut V, mut a: V::I32) -> V::S32 {
+    let lane = v.viota();
+    for distance in [1, 2, 4, 8] {
+        let distance = v.vset_i32(distance);
+        let other = v.vxor(lane, distance);
+        let other = v.vpermute(a, other);
+        a = v.viadd(a, other);
+    }
+    v.vextract(a, 0)
 }

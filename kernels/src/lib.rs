@@ -1,14 +1,21 @@
 //! Shadow kernels, written once against the ISA layer and run by every back end.
 //!
 //! ```text
-//! sism/   soft irregular shadow mapping (Johnson et al. 2009): silhouette, grid, bin, raster, hard, soft, compose
+//! sism/        soft irregular shadow mapping (Johnson et al. 2009): silhouette, hard, soft, compose
+//! irregular/   what methods with an irregular shadow map share: grid, bin, raster
+//! scene.rs     the geometry of a frame in the arena
 //! light.rs, segment.rs, plane.rs   the geometry of one receiver, one edge, one triangle
-//! columns.rs                       arrays side by side in the arena
+//! scan.rs      prefix sums
+//! record.rs, columns.rs, expression.rs   how a kernel writes where things lie, and arithmetic on that
 //! ```
 
-pub mod sism;
-
+mod expression;
+pub mod record;
 pub mod columns;
-pub mod light;
 pub mod plane;
+pub mod light;
 pub mod segment;
+pub mod scan;
+pub mod scene;
+pub mod irregular;
+pub mod sism;

@@ -1,30 +1,13 @@
-//! Triangles as seen from the light: the homogeneous test of a point against planes through the light.
+//! Points against planes, most of them through the light: what the homogeneous test is made of [algorithms, 1.2].
 
-use lrbsim_isa::{Addr, Vpu};
+use lrbsim_isa::Vpu;
 
-/// Three floats a lane.
+/// A vector of three components in each of 16 lanes.
 pub type Vec3<V> = [<V as Vpu>::F32; 3];
 
 /// What f32 may make of a point on a triangle's plane, as a part of the sizes of the terms of `point . normal`: eight
 /// roundings, of the point, the corner and two dot products. See [`plane_slack`].
 pub const PLANE_SLACK: f32 = 1.0 / (1 << 21) as f32;
-
-/// Words of a triangle's record: one line.
-///
-/// `0..9` normals of the planes through the light and the edges 01, 12, 20, each `low x high` by vertex number;
-/// `9..12` normal of the triangle, away from the light; `12` its plane, farther by [`plane_slack`];
-/// `13..16` flags of the three edges: sign bit set where the triangle lies right of `low -> high`; in `13` also
-/// [`FRONT`], [`BACK`], [`AWAY`], and from bit [`FACES_SHIFT`] on the faces around the light that it can shadow.
-pub const TRIANGLE_WORDS: u32 = 16;
-
-/// The triangle is a layer of the sum F.
-pub const FRONT: i32 = 1;
-/// The triangle is a layer of the sum B.
-pub const BACK: i32 = 2;
-/// The determinant of its corners is positive: it faces away from the light.
-pub const AWAY: i32 = 4;
-/// Where in the flags the bits of the faces begin.
-pub const FACES_SHIFT: i32 = 8;
 
 /// `a . b`, in the one order of operations that all kernels share: predicates must agree to the last bit.
 #[inline(always)]
@@ -65,7 +48,7 @@ pub fn plane_slack<V: Vpu>(v: &mut V, corners: [Vec3<V>; 3], normal: Vec3<V>) ->
     v.vmul(greatest, part)
 }
 
-/// `a x b`.
+/// The cross product `a x b` in every lane.
 #[inline(always)]
 pub fn cross<V: Vpu>(v: &mut V, a: Vec3<V>, b: Vec3<V>) -> Vec3<V> {
     let mut component = |i: usize, j: usize| {
@@ -76,20 +59,10 @@ pub fn cross<V: Vpu>(v: &mut V, a: Vec3<V>, b: Vec3<V>) -> Vec3<V> {
     [component(1, 2), component(2, 0), component(0, 1)]
 }
 
-/// `a - b`.
+/// The difference `a - b` in every lane.
 #[inline(always)]
 pub fn sub<V: Vpu>(v: &mut V, a: Vec3<V>, b: Vec3<V>) -> Vec3<V> {
     [v.vsub(a[0], b[0]), v.vsub(a[1], b[1]), v.vsub(a[2], b[2])]
-}
-
-/// Three consecutive words of a record, each in every lane.
-#[inline(always)]
-pub fn broadcast3<V: Vpu>(v: &mut V, records: Addr, index: V::S32) -> Vec3<V> {
-    [
-        v.vbroadcast_f32(records, index),
-        v.vbroadcast_f32(records.plus(4), index),
-        v.vbroadcast_f32(records.plus(8), index),
-    ]
 }
 
 /// On which side of an edge's plane points lie: the sign bit is set for those right of `low -> high`.
@@ -99,50 +72,4 @@ pub fn broadcast3<V: Vpu>(v: &mut V, records: Addr, index: V::S32) -> Vec3<V> {
 pub fn side<V: Vpu>(v: &mut V, point: Vec3<V>, normal: Vec3<V>) -> V::I32 {
     let distance = dot(v, point, normal);
     v.bits_of(distance)
-}
-
-/// Points of `live` that the triangle of record `index` (in words) hides from the light.
-///
-/// * `points`: light-centred.
-/// * `triangles`, `own`: records; number of the triangle that each point lies on, which does not shadow it.
-/// * `number`: the record's triangle, in every lane.
-///
-/// Homogeneous test of [algorithms, 1.2]: no division, right for triangles that cross the light's plane. 30 operations
-/// for a miss by the edges: 12 broadcast loads, 16 vector operations, a mask test and a branch. 9 more for the plane.
-#[inline(always)]
-pub fn hidden<V: Vpu>(
-    v: &mut V,
-    live: V::Mask,
-    points: Vec3<V>,
-    own: V::I32,
-    number: V::I32,
-    triangles: Addr,
-    index: V::S32,
-) -> V::Mask {
-    // Inside: on the triangle's side of all three edge planes; sign bits of side and flag agree.
-    let mut outside = None;
-    for edge in 0..3 {
-        let normal = broadcast3(v, triangles.plus(12 * edge), index);
-        let side = side(v, points, normal);
-        let flag = v.vbroadcast_i32(triangles.plus(52 + 4 * edge), index);
-        let differs = v.vxor(side, flag);
-        outside = Some(match outside {
-            None => differs,
-            Some(before) => v.vor(before, differs),
-        });
-    }
-    let zero = v.vset_i32(0);
-    let inside = match outside {
-        Some(signs) => v.vicmp_ge_masked(live, signs, zero),
-        None => live,
-    };
-    if !v.branch_any(inside) {
-        return inside;
-    }
-    // Beyond the plane, and not on the triangle itself.
-    let normal = broadcast3(v, triangles.plus(36), index);
-    let plane = v.vbroadcast_f32(triangles.plus(48), index);
-    let depth = dot(v, points, normal);
-    let beyond = v.vcmp_gt_masked(inside, depth, plane);
-    v.vicmp_neq_masked(beyond, own, number)
 }

@@ -3,11 +3,14 @@
 mod common;
 
 use common::{Lanewise, On, run_step};
-use lrbsim_isa::{Addr, Arena, HostSimd, Kernel, Ordering, Step, Vpu};
+use lrbsim_isa::{Arena, HostSimd, Kernel, Step, Vpu};
 use lrbsim_kernels::columns::Columns;
+use lrbsim_kernels::field;
+use lrbsim_kernels::irregular::primitives::{EdgeRecord, TriangleRecord};
 use lrbsim_kernels::light::{Disc, View};
-use lrbsim_kernels::plane::hidden;
+use lrbsim_kernels::record::{Field, Records};
 use lrbsim_kernels::segment::segment;
+use lrbsim_kernels::sism::hard::hidden;
 use lrbsim_kernels::sism::soft::add_edge;
 
 /// As in the docs of [`segment`], [`hidden`] and [`add_edge`].
@@ -16,21 +19,21 @@ const HIDDEN: [u64; 2] = [30, 39];
 const EDGE: [u64; 2] = [66, 157];
 
 /// Uops of one task of `kernel`, spills included.
-fn cost(kernel: impl Kernel + 'static, arena: &Arena) -> u64 {
-    let step = Step { name: "one", ordering: Ordering::Independent, tasks: 1, kernel: Box::new(kernel) };
+fn cost(kernel: impl Kernel + 'static, arena: &mut Arena) -> u64 {
+    let step = Step::ordered("one", 1, kernel);
     run_step(&step, arena, On::Recording(HostSimd::detect())).uops
 }
 
 /// Loads `IN` vectors, and calls the function on them if asked to: the difference is its cost.
 struct Once<F, const IN: usize> {
     function: Option<F>,
-    from: Columns,
+    from: Columns<[f32; IN]>,
 }
 
 impl<const IN: usize, F: Lanewise<IN, 1>> Kernel for Once<F, IN> {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
-        let x = core::array::from_fn(|c| v.vload_f32(self.from.column(c as u32), task));
+        let x = core::array::from_fn(|c| v.vload_f32(self.from.column(Field::whole().at(c)), task));
         if let Some(function) = &self.function {
             function.eval(v, x);
         }
@@ -40,14 +43,14 @@ impl<const IN: usize, F: Lanewise<IN, 1>> Kernel for Once<F, IN> {
 /// Cost of `function` for the same values in every lane.
 fn cost_of<const IN: usize, F: Lanewise<IN, 1>>(function: F, x: [f32; IN]) -> u64 {
     let mut arena = Arena::new();
-    let from = Columns::new(&mut arena, IN as u32, 16);
+    let from: Columns<[f32; IN]> = Columns::new(&mut arena, 16);
     for (c, x) in x.iter().enumerate() {
         for lane in 0..16 {
-            arena.write_u32(from.column(c as u32).plus(4 * lane), x.to_bits());
+            arena.write_u32(from.host(lane, Field::whole().at(c)), x.to_bits());
         }
     }
-    cost(Once { function: Some(function), from }, &arena)
-        - cost(Once::<F, IN> { function: None, from }, &arena)
+    cost(Once { function: Some(function), from }, &mut arena)
+        - cost(Once::<F, IN> { function: None, from }, &mut arena)
 }
 
 #[derive(Clone)]
@@ -68,17 +71,17 @@ fn a_segment_costs_what_its_doc_says() {
     assert_eq!(cost_of(Segment, [-3.0, 0.5, 3.0, 0.5]), SEGMENT[1] + 1, "a hit");
 }
 
-/// One record of words, at the start of what is loaded.
+/// One triangle.
 #[derive(Clone)]
-struct Hidden(Addr);
+struct Hidden(Records<TriangleRecord>);
 
 impl Lanewise<3, 1> for Hidden {
     #[inline(always)]
     fn eval<V: Vpu>(&self, v: &mut V, points: [V::F32; 3]) -> [V::F32; 1] {
         let own = v.bits_of(points[0]);
         let all = v.mask_all();
-        let at = v.s_imm(0);
-        let covered = hidden(v, all, points, own, own, self.0, at);
+        let first = v.s_imm(0);
+        let covered = hidden(v, all, points, own, own, self.0.at(first));
         let zero = points[0];
         [v.vblend_f32(covered, zero, zero)]
     }
@@ -89,17 +92,19 @@ fn a_hidden_test_costs_what_its_doc_says() {
     // All normals along x: points at x > 0 are left of all three edges, those at x < 0 right.
     let cost_at = |x: f32| {
         let mut arena = Arena::new();
-        let from = Columns::new(&mut arena, 3, 16);
-        let record = arena.alloc(16);
-        for word in [0, 3, 6, 9] {
-            arena.write_u32(record.plus(4 * word), 1.0_f32.to_bits());
+        let from: Columns<[f32; 3]> = Columns::new(&mut arena, 16);
+        let record = Records::new(&mut arena, 1);
+        for edge in 0..3 {
+            let normal = field!(TriangleRecord.edge_normals[edge][0]);
+            arena.write_u32(record.field(normal), 1.0_f32.to_bits());
         }
+        arena.write_u32(record.field(field!(TriangleRecord.normal[0])), 1.0_f32.to_bits());
         for lane in 0..16 {
-            arena.write_u32(from.column(0).plus(4 * lane), x.to_bits());
+            arena.write_u32(from.host(lane, Field::whole().at(0)), x.to_bits());
         }
         // The mask and the blend at the end are not the test's.
-        cost(Once { function: Some(Hidden(record)), from }, &arena)
-            - cost(Once::<Hidden, 3> { function: None, from }, &arena)
+        cost(Once { function: Some(Hidden(record)), from }, &mut arena)
+            - cost(Once::<Hidden, 3> { function: None, from }, &mut arena)
             - 2
     };
     assert_eq!(cost_at(-1.0), HIDDEN[0], "a miss by the edges");
@@ -108,7 +113,7 @@ fn a_hidden_test_costs_what_its_doc_says() {
 
 #[derive(Clone)]
 struct AddEdge {
-    record: Addr,
+    edges: Records<EdgeRecord>,
     add: bool,
 }
 
@@ -119,9 +124,9 @@ impl Lanewise<3, 1> for AddEdge {
         let view = View::new(v, Disc::Facing, points, one);
         let all = v.mask_all();
         let none = v.vset_i32(0);
-        let at = v.s_imm(0);
+        let first = v.s_imm(0);
         if self.add {
-            add_edge(v, &view, all, points, (self.record, at), [none; 2]);
+            add_edge(v, &view, all, points, self.edges.at(first), [none; 2]);
         }
         [one]
     }
@@ -131,14 +136,14 @@ impl Lanewise<3, 1> for AddEdge {
 fn an_edge_costs_what_its_doc_says() {
     let cost_of_edge = |y: f32| {
         let mut arena = Arena::new();
-        let from = Columns::new(&mut arena, 3, 16);
+        let from: Columns<[f32; 3]> = Columns::new(&mut arena, 16);
         for lane in 0..16 {
-            arena.write_u32(from.column(2).plus(4 * lane), 2.0_f32.to_bits());
+            arena.write_u32(from.host(lane, Field::whole().at(2)), 2.0_f32.to_bits());
         }
-        let words = [-1.0, y, 1.0, 1.0, y, 1.0].map(f32::to_bits);
-        let record = arena.alloc(16);
-        arena.write_u32s(record, &words);
-        let run = |add| cost(Once { function: Some(AddEdge { record, add }), from }, &arena);
+        let ends = [-1.0, y, 1.0, 1.0, y, 1.0].map(f32::to_bits);
+        let edges: Records<EdgeRecord> = Records::new(&mut arena, 1);
+        arena.write_u32s(edges.field(field!(EdgeRecord.ends)), &ends);
+        let mut run = |add| cost(Once { function: Some(AddEdge { edges, add }), from }, &mut arena);
         run(true) - run(false)
     };
     assert_eq!(cost_of_edge(5.0), EDGE[0], "the edge's line misses the disc");

@@ -30,7 +30,7 @@ pub use issue::{Issue, Operation};
 pub use stream::{Arrays, Extent, Prefetch, Store, Stream};
 pub use threads::Threads;
 
-use lrbsim_isa::program::{Ordering, Step};
+use lrbsim_isa::program::Step;
 use lrbsim_isa::{Arena, kernel::Kernel};
 
 /// A benchmark: everything that determines what is run.
@@ -85,5 +85,5 @@ impl Bench {
 
 /// A pass of `tasks` tasks, one a thread.
 fn pass(name: &'static str, tasks: u32, kernel: impl Kernel + 'static) -> Step {
-    Step { name, ordering: Ordering::Ordered, tasks, kernel: Box::new(kernel) }
+    Step::ordered(name, tasks, kernel)
 }

@@ -8,11 +8,11 @@ const CORES: u32 = 4;
 
 /// Uops of the long pass beyond those of the short one by class, the long one's lines in order, and the units.
 fn measured(bench: Bench) -> ([i64; Class::COUNT], Vec<u32>, u64) {
-    let prepared = bench.prepare(CORES);
+    let mut prepared = bench.prepare(CORES);
     let (mut counts, mut lines) = ([0; Class::COUNT], Vec::new());
     let [.., short, long] = &prepared.passes[..] else { panic!("two passes are measured") };
     for (step, is_long) in [(short, false), (long, true)] {
-        let source = StepSource { step, arena: &prepared.arena, simd: HostSimd::Portable, shared: false };
+        let source = StepSource::new(step, &mut prepared.arena, HostSimd::Portable, 1);
         let mut stream = Uops::default();
         for task in 0..source.tasks() {
             source.record(task, &mut stream);
@@ -77,7 +77,7 @@ fn threads_on_one_core_are_tasks_that_many_cores_apart() {
         assert_eq!(units, 3 * 2 * 64 * (256 - 64));
     }
     let prepared = Bench::Issue(issue(Threads::OnCore { core: 2, threads: 3 })).prepare(CORES);
-    assert_eq!(prepared.passes[0].tasks, 2 + 2 * CORES + 1);
+    assert_eq!(prepared.passes[0].tasks(), 2 + 2 * CORES + 1);
 }
 
 #[test]

@@ -108,12 +108,12 @@ impl Experiment {
             settings.push(part.parse()?);
         }
         let machine = machine.with(&settings)?;
-        let prepared = self.bench.prepare(machine.spec.cores);
+        let mut prepared = self.bench.prepare(machine.spec.cores);
         let mut chip = Chip::new(&machine.spec, fidelity, 1);
         let mut passes = Vec::new();
         for step in &prepared.passes {
             let simd = HostSimd::detect();
-            let source = StepSource { step, arena: &prepared.arena, simd, shared: false };
+            let source = StepSource::new(step, &mut prepared.arena, simd, 1);
             let report = chip.run_step(&source).map_err(|stuck| BadInput::new(stuck.to_string()))?;
             passes.push(Pass::of(report, chip.activity()));
         }

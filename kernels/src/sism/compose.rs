@@ -1,48 +1,61 @@
 //! Composition: one clamp of all layers and parts, and visibility to the pixels [johnson09, Eq. 4].
 
-use lrbsim_isa::{Arena, Compare, Kernel, Ordering, Step, Vpu};
+#![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
 
-use super::Frame;
-use super::hard::LAYERS;
-use super::layout::{Layout, PIXEL, RECEIVER};
-use super::soft::{COVERAGE, WHOLE};
-use crate::columns::{lanes_below, task_range};
+use lrbsim_isa::{Addr, Compare, Kernel, Step, Vpu};
 
-/// Samples of a task.
+use super::soft::WHOLE;
+use super::{Frame, Sums};
+use crate::columns::{Columns, lanes_below, task_range};
+use crate::expression::{each, scalar};
+use crate::field;
+use crate::irregular::grid::{Grid, Sample};
+use crate::irregular::receivers::Receiver;
+
+/// Number of samples that a task handles.
 const TASK: u32 = 1024;
 
-/// Composes all samples.
-pub fn compose(frame: &mut Frame, _: &mut Arena) -> Step {
-    let layout = frame.layout;
-    Step {
-        name: "compose",
-        ordering: Ordering::Independent,
-        tasks: layout.receiver_count.div_ceil(TASK),
-        kernel: Box::new(Compose { layout }),
+/// Composes the visibility of all samples.
+pub fn compose(frame: &Frame) -> Step {
+    // SAFETY: each task writes the pixels of its own samples: a receiver has a pixel of its own.
+    unsafe {
+        Step::independent(
+            "compose",
+            frame.grid.receivers.count.div_ceil(TASK),
+            Compose {
+                grid: frame.grid,
+                sums: frame.sums,
+                is_soft: frame.primitives.light.is_soft(),
+                visibility: frame.visibility,
+            },
+        )
     }
 }
 
 struct Compose {
-    layout: Layout,
+    grid: Grid,
+    sums: Columns<Sums>,
+    is_soft: bool,
+    visibility: Addr,
 }
 
 impl Kernel for Compose {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
-        let layout = &self.layout;
-        let (mut i, end) = task_range(v, task, TASK, layout.receiver_count);
-        let step = v.s_imm(16);
+        let Compose { grid, sums, .. } = self;
+        let (mut i, end) = task_range(v, task, TASK, grid.receivers.count);
         let none = v.vset_i32(0);
         while v.branch(Compare::Less, i, end) {
             let live = lanes_below(v, i, end);
-            let mut sum = |column| v.vload_i32_or(none, live, layout.sums.column(column), i);
-            let layers = [sum(LAYERS), sum(LAYERS + 1)];
-            let parts = layout.is_soft().then(|| [sum(COVERAGE), sum(COVERAGE + 1)]);
+            let mut sum = |field| v.vload_i32_or(none, live, sums.column(field), i);
+            let layers = each!(i in [0, 1] => sum(field!(Sums.layers[i])));
+            let parts = self.is_soft.then(|| each!(i in [0, 1] => sum(field!(Sums.coverage[i]))));
             let visible = visible(v, layers, parts);
-            let receiver = v.vload_i32_or(none, live, layout.samples.column(RECEIVER), i);
-            let pixel = v.vgather_i32_or(none, live, layout.receivers.column(PIXEL), receiver);
-            v.vscatter_f32(live, layout.visibility, pixel, visible);
-            i = v.s_add(i, step);
+            let receiver = v.vload_i32_or(none, live, grid.samples.column(field!(Sample.receiver)), i);
+            let pixel =
+                v.vgather_i32_or(none, live, grid.receivers.columns.column(field!(Receiver.pixel)), receiver);
+            v.vscatter_f32(live, self.visibility, pixel, visible);
+            i = scalar!(v, i + 16);
         }
     }
 }

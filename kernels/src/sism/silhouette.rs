@@ -3,96 +3,137 @@
 //! The paper leaves its cost out. An edge's weight is the number of counted faces left of it less those right of it, as
 //! seen from the light; 0 means that both sides cancel [algorithms, 2.4].
 
-use lrbsim_isa::{Arena, Compare, Kernel, Ordering, Step, Vpu, math};
+#![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
 
-use super::Frame;
-use super::layout::{EDGE_WORDS, Layout};
+use lrbsim_isa::{Addr, Arena, Compare, Kernel, Step, Vpu, math};
+
 use super::soft::rounding_offset;
-use super::touch::{faces_of_edges, faces_of_triangles};
 use crate::columns::{lanes_below, task_range};
-use crate::plane::{AWAY, FACES_SHIFT, TRIANGLE_WORDS, Vec3, cross, dot, edge_normal, plane_slack, sub};
+use crate::expression::{each, int, scalar};
+use crate::field;
+use crate::irregular::primitives::{
+    AWAY, EdgeRecord, FACES_SHIFT, LightConstants, Primitives, TriangleRecord,
+};
+use crate::irregular::touch::{faces_of_edges, faces_of_triangles};
+use crate::plane::{Vec3, cross, dot, edge_normal, plane_slack, sub};
+use crate::record::{Records, words};
+use crate::scene::{Edge, Scene, Triangle, Vertex};
 
-/// Triangles or edges of a task.
+/// Number of triangles or edges that a task handles.
 const TASK: u32 = 256;
 
-/// Records of all triangles.
-pub fn triangles(frame: &mut Frame, _: &mut Arena) -> Step {
-    let layout = frame.layout;
-    Step {
-        name: "triangle records",
-        ordering: Ordering::Independent,
-        tasks: layout.triangle_count.div_ceil(TASK),
-        kernel: Box::new(Triangles { layout }),
+/// The silhouettes of a frame: what the phase `silhouette` works with, beside the records that it makes.
+#[derive(Clone, Copy)]
+pub struct Silhouettes {
+    /// Weights of the edges: F in the low half, B in the high half.
+    edge_weights: Addr,
+    /// Number of edges that weigh something, as counted.
+    counter: Addr,
+    /// Number of edges that have been written to `edges`.
+    written: Addr,
+    /// Numbers of the edges that weigh something.
+    edges: Addr,
+}
+
+impl Silhouettes {
+    /// Room for the weights of a frame's edges.
+    pub(super) fn new(scene: &Scene, arena: &mut Arena) -> Silhouettes {
+        let edge_weights = arena.alloc(u64::from(scene.edge_count) + 16);
+        Silhouettes { edge_weights, counter: arena.alloc(1), written: Addr(0), edges: Addr(0) }
     }
 }
 
-/// Weights of all edges, and how many weigh something.
-pub fn weights(frame: &mut Frame, _: &mut Arena) -> Step {
-    let layout = frame.layout;
-    Step {
-        name: "edge weights",
-        ordering: Ordering::Independent,
-        tasks: layout.edge_count.div_ceil(TASK),
-        kernel: Box::new(Weights { layout }),
+/// Makes the records of all triangles.
+pub fn triangles(scene: &Scene, primitives: &Primitives) -> Step {
+    // SAFETY: each task writes the records of its own triangles.
+    unsafe {
+        Step::independent(
+            "triangle records",
+            scene.triangle_count.div_ceil(TASK),
+            TriangleRecords { scene: *scene, records: primitives.triangles },
+        )
     }
 }
 
-/// The edges that weigh something, packed.
-pub fn select(frame: &mut Frame, arena: &mut Arena) -> Step {
-    let layout = &mut frame.layout;
-    layout.silhouette_count = arena.read_u32(layout.silhouette_counter);
-    layout.silhouettes = arena.alloc(u64::from(layout.silhouette_count) + 16);
-    layout.edge_records = arena.alloc(u64::from(layout.silhouette_count + 16) * u64::from(EDGE_WORDS));
-    // A line of its own: the total stays.
-    layout.silhouette_counter = arena.alloc(1);
-    Step {
-        name: "silhouette list",
-        ordering: Ordering::Ordered,
-        tasks: layout.edge_count.div_ceil(TASK),
-        kernel: Box::new(Select { layout: *layout }),
+/// Finds the weights of all edges, and counts those that weigh something.
+pub fn weights(scene: &Scene, silhouettes: &Silhouettes, primitives: &Primitives) -> Step {
+    // SAFETY: each task writes the weights of its own edges and adds to the counter.
+    unsafe {
+        Step::independent(
+            "edge weights",
+            scene.edge_count.div_ceil(TASK),
+            Weights { scene: *scene, silhouettes: *silhouettes, triangles: primitives.triangles },
+        )
     }
 }
 
-/// Records of the silhouette edges.
-pub fn records(frame: &mut Frame, _: &mut Arena) -> Step {
-    let layout = frame.layout;
-    Step {
-        name: "edge records",
-        ordering: Ordering::Independent,
-        tasks: layout.silhouette_count.div_ceil(TASK),
-        kernel: Box::new(Records { layout }),
+/// Packs the edges that weigh something into a list.
+pub fn select(
+    scene: &Scene,
+    silhouettes: &mut Silhouettes,
+    primitives: &mut Primitives,
+    arena: &mut Arena,
+) -> Step {
+    let count = arena.read_u32(silhouettes.counter);
+    silhouettes.edges = arena.alloc(u64::from(count) + 16);
+    primitives.edge_count = count;
+    primitives.edges = Records::new(arena, u64::from(count + 16));
+    silhouettes.written = arena.alloc(1);
+    Step::ordered(
+        "silhouette list",
+        scene.edge_count.div_ceil(TASK),
+        Select { edge_count: scene.edge_count, silhouettes: *silhouettes },
+    )
+}
+
+/// Makes the records of the silhouette edges.
+pub fn records(scene: &Scene, silhouettes: &Silhouettes, primitives: &Primitives) -> Step {
+    // SAFETY: each task writes the records of its own edges.
+    unsafe {
+        Step::independent(
+            "edge records",
+            primitives.edge_count.div_ceil(TASK),
+            EdgeRecords {
+                scene: *scene,
+                silhouettes: *silhouettes,
+                light: primitives.light,
+                count: primitives.edge_count,
+                records: primitives.edges,
+            },
+        )
     }
 }
 
 /// Positions of 16 vertices.
 #[inline(always)]
-fn positions<V: Vpu>(v: &mut V, layout: &Layout, live: V::Mask, vertex: V::I32) -> Vec3<V> {
+fn positions<V: Vpu>(v: &mut V, scene: &Scene, live: V::Mask, vertex: V::I32) -> Vec3<V> {
     let zero = v.vset_f32(0.0);
-    let mut axis = |column| v.vgather_f32_or(zero, live, layout.vertices.column(column), vertex);
-    [axis(0), axis(1), axis(2)]
+    each!(axis in [0, 1, 2] => {
+        let column = scene.vertices.column(field!(Vertex.position[axis]));
+        v.vgather_f32_or(zero, live, column, vertex)
+    })
 }
 
-struct Triangles {
-    layout: Layout,
+struct TriangleRecords {
+    scene: Scene,
+    records: Records<TriangleRecord>,
 }
 
-impl Kernel for Triangles {
+impl Kernel for TriangleRecords {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
-        let layout = &self.layout;
-        let (mut i, end) = task_range(v, task, TASK, layout.triangle_count);
-        let step = v.s_imm(16);
+        let TriangleRecords { scene, records } = self;
+        let (mut i, end) = task_range(v, task, TASK, scene.triangle_count);
         let lane = v.viota();
-        let words = v.vset_i32(TRIANGLE_WORDS as i32);
+        let words = v.vset_i32(words::<TriangleRecord>() as i32);
         let zero = v.vset_f32(0.0);
         let sign_bit = v.vset_i32(i32::MIN);
         while v.branch(Compare::Less, i, end) {
             let live = lanes_below(v, i, end);
-            let mut corner = |column| v.vload_i32(layout.triangles.column(column), i);
-            let corners = [corner(0), corner(1), corner(2), corner(3)];
-            let a = positions(v, layout, live, corners[0]);
-            let b = positions(v, layout, live, corners[1]);
-            let c = positions(v, layout, live, corners[2]);
+            let corners =
+                each!(k in [0, 1, 2] => v.vload_i32(scene.triangles.column(field!(Triangle.corners[k])), i));
+            let counted = v.vload_i32(scene.triangles.column(field!(Triangle.layers)), i);
+            let [a, b, c] = each!(k in [0, 1, 2] => positions(v, scene, live, corners[k]));
 
             // Plane: normal away from the light, so that its determinant is positive.
             let ab = sub(v, b, a);
@@ -108,12 +149,11 @@ impl Kernel for Triangles {
             let plane = v.vadd(distance, slack);
 
             // Layers by the facing; none for a triangle that is edge-on to the light.
-            let layers = layers(v, corners[3], away, toward);
+            let layers = layers(v, counted, away, toward);
 
             // Edge planes by vertex number: the same bits from both triangles on an edge.
             let base = v.vsplat(i);
-            let number = v.viadd(base, lane);
-            let at = v.vimul(number, words);
+            let at = int!(v, (base + lane) * words);
             let pairs = [(0, 1, a, b), (1, 2, b, c), (2, 0, c, a)];
             let mut inward = [[zero; 3]; 3];
             let mut flags = [layers; 3];
@@ -130,8 +170,8 @@ impl Kernel for Triangles {
                 let right = v.kxor(toward, swapped);
                 for (axis, x) in plane_normal.into_iter().enumerate() {
                     inward[edge][axis] = v.vsub_or(x, right, zero, x);
-                    let word = 12 * edge as u64 + 4 * axis as u64;
-                    v.vscatter_f32(live, layout.triangle_records.plus(word), at, x);
+                    let field = field!(TriangleRecord.edge_normals[edge][axis]);
+                    v.vscatter_f32(live, records.field(field), at, x);
                 }
                 let flag = if edge == 0 { layers } else { v.vset_i32(0) };
                 flags[edge] = v.vor_or(flag, right, flag, sign_bit);
@@ -139,16 +179,16 @@ impl Kernel for Triangles {
             // Faces that it can shadow, so that binning skips the others.
             let faces = faces_of_triangles(v, inward);
             let shift = v.vset_i32(FACES_SHIFT);
-            let faces = v.vsll(faces, shift);
-            flags[0] = v.vor(flags[0], faces);
+            let first = flags[0];
+            flags[0] = int!(v, first | (faces << shift));
             for (edge, flag) in flags.into_iter().enumerate() {
-                v.vscatter_i32(live, layout.triangle_records.plus(52 + 4 * edge as u64), at, flag);
+                v.vscatter_i32(live, records.field(field!(TriangleRecord.flags[edge])), at, flag);
             }
             for (axis, x) in outward.into_iter().enumerate() {
-                v.vscatter_f32(live, layout.triangle_records.plus(36 + 4 * axis as u64), at, x);
+                v.vscatter_f32(live, records.field(field!(TriangleRecord.normal[axis])), at, x);
             }
-            v.vscatter_f32(live, layout.triangle_records.plus(48), at, plane);
-            i = v.s_add(i, step);
+            v.vscatter_f32(live, records.field(field!(TriangleRecord.plane)), at, plane);
+            i = scalar!(v, i + 16);
         }
     }
 }
@@ -161,89 +201,86 @@ fn layers<V: Vpu>(v: &mut V, counted: V::I32, away: V::Mask, toward: V::Mask) ->
     let half = v.vset_i32(16);
     let away_bit = v.vset_i32(AWAY);
     let when_toward = v.vand_or(none, toward, counted, both);
-    let high = v.vsrl(counted, half);
-    let when_away = v.vor(high, away_bit);
+    let when_away = int!(v, (counted >> half) | away_bit);
     v.vblend_i32(away, when_away, when_toward)
 }
 
-/// Weights in F and B of 16 edges.
+struct Weights {
+    scene: Scene,
+    silhouettes: Silhouettes,
+    triangles: Records<TriangleRecord>,
+}
+
+/// Weights in F and B of the 16 edges from `i` on.
 #[inline(always)]
-fn edge_weight<V: Vpu>(v: &mut V, layout: &Layout, live: V::Mask, i: V::S32) -> [V::I32; 2] {
+fn edge_weights<V: Vpu>(v: &mut V, of: &Weights, live: V::Mask, i: V::S32) -> [V::I32; 2] {
     let zero = v.vset_i32(0);
     let one = v.vset_i32(1);
     let two = v.vset_i32(2);
     let four = v.vset_i32(4);
-    let first = v.vload_i32(layout.edge_first, i);
-    let end = v.vload_i32(layout.edge_first.plus(4), i);
+    let first = v.vload_i32(of.scene.edge_first, i);
+    let end = v.vload_i32(of.scene.edge_first.plus_words(1), i);
     let mut face_at = first;
     let (mut front, mut back) = (zero, zero);
     let mut left_over = v.vicmp_lt_masked(live, face_at, end);
     while v.branch_any(left_over) {
-        let face = v.vgather_i32_or(zero, left_over, layout.edge_faces, face_at);
-        let triangle = v.vsrl(face, one);
-        let at = v.vsll(triangle, four);
-        let flags = v.vgather_i32_or(zero, left_over, layout.triangle_records.plus(52), at);
+        let face = v.vgather_i32_or(zero, left_over, of.scene.edge_faces, face_at);
+        let at = int!(v, (face >> one) << four);
+        let flags_of = of.triangles.field(field!(TriangleRecord.flags));
+        let flags = v.vgather_i32_or(zero, left_over, flags_of, at);
         // A face away from the light lies left of the edges that it runs along.
-        let away = v.vsrl(flags, two);
+        let away = int!(v, flags >> two);
         let left = v.vxor(away, face);
-        let left = v.vand(left, one);
+        let left = int!(v, left & one);
         let is_left = v.vicmp_eq_masked(left_over, left, one);
         let is_right = v.kandn(is_left, left_over);
-        let in_front = v.vand(flags, one);
-        let in_back = v.vsrl(flags, one);
-        let in_back = v.vand(in_back, one);
+        let in_front = int!(v, flags & one);
+        let in_back = int!(v, (flags >> one) & one);
         front = v.viadd_or(front, is_left, front, in_front);
         front = v.visub_or(front, is_right, front, in_front);
         back = v.viadd_or(back, is_left, back, in_back);
         back = v.visub_or(back, is_right, back, in_back);
-        face_at = v.viadd(face_at, one);
+        face_at = int!(v, face_at + one);
         left_over = v.vicmp_lt_masked(live, face_at, end);
     }
     [front, back]
 }
 
-struct Weights {
-    layout: Layout,
-}
-
 impl Kernel for Weights {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
-        let layout = &self.layout;
-        let (mut i, end) = task_range(v, task, TASK, layout.edge_count);
-        let step = v.s_imm(16);
+        let silhouettes = &self.silhouettes;
+        let (mut i, end) = task_range(v, task, TASK, self.scene.edge_count);
         let zero = v.vset_i32(0);
         let low_half = v.vset_i32(0xffff);
         let sixteen = v.vset_i32(16);
         let mut count = v.s_imm(0);
         while v.branch(Compare::Less, i, end) {
             let live = lanes_below(v, i, end);
-            let [front, back] = edge_weight(v, layout, live, i);
-            let low = v.vand(front, low_half);
-            let high = v.vsll(back, sixteen);
-            let weight = v.vor(low, high);
-            v.vstore_i32(live, layout.edge_weights, i, weight);
+            let [front, back] = edge_weights(v, self, live, i);
+            let weight = int!(v, (front & low_half) | (back << sixteen));
+            v.vstore_i32(live, silhouettes.edge_weights, i, weight);
             let weighs = v.vicmp_neq_masked(live, weight, zero);
             let bits = v.kmov_to_scalar(weighs);
             let more = v.s_popcnt(bits);
-            count = v.s_add(count, more);
-            i = v.s_add(i, step);
+            count = scalar!(v, count + more);
+            i = scalar!(v, i + 16);
         }
         let at = v.s_imm(0);
-        v.s_atomic_add(layout.silhouette_counter, at, count);
+        v.s_atomic_add(silhouettes.counter, at, count);
     }
 }
 
 struct Select {
-    layout: Layout,
+    edge_count: u32,
+    silhouettes: Silhouettes,
 }
 
 impl Kernel for Select {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
-        let layout = &self.layout;
-        let (first, end) = task_range(v, task, TASK, layout.edge_count);
-        let step = v.s_imm(16);
+        let silhouettes = &self.silhouettes;
+        let (first, end) = task_range(v, task, TASK, self.edge_count);
         let zero = v.vset_i32(0);
         let lane = v.viota();
         // Count, take room for all with one atomic, fill.
@@ -251,54 +288,59 @@ impl Kernel for Select {
         let mut i = first;
         while v.branch(Compare::Less, i, end) {
             let live = lanes_below(v, i, end);
-            let weight = v.vload_i32_or(zero, live, layout.edge_weights, i);
+            let weight = v.vload_i32_or(zero, live, silhouettes.edge_weights, i);
             let weighs = v.vicmp_neq(weight, zero);
             let bits = v.kmov_to_scalar(weighs);
             let more = v.s_popcnt(bits);
-            count = v.s_add(count, more);
-            i = v.s_add(i, step);
+            count = scalar!(v, count + more);
+            i = scalar!(v, i + 16);
         }
         let at = v.s_imm(0);
-        let mut to = v.s_atomic_add(layout.silhouette_counter, at, count);
+        let mut to = v.s_atomic_add(silhouettes.written, at, count);
         let mut i = first;
         while v.branch(Compare::Less, i, end) {
             let live = lanes_below(v, i, end);
-            let weight = v.vload_i32_or(zero, live, layout.edge_weights, i);
+            let weight = v.vload_i32_or(zero, live, silhouettes.edge_weights, i);
             let weighs = v.vicmp_neq(weight, zero);
             let base = v.vsplat(i);
-            let edge = v.viadd(base, lane);
-            v.vcompress_i32(weighs, layout.silhouettes, to, edge);
+            let edge = int!(v, base + lane);
+            v.vcompress_i32(weighs, silhouettes.edges, to, edge);
             let bits = v.kmov_to_scalar(weighs);
             let more = v.s_popcnt(bits);
-            to = v.s_add(to, more);
-            i = v.s_add(i, step);
+            to = scalar!(v, to + more);
+            i = scalar!(v, i + 16);
         }
     }
 }
 
-struct Records {
-    layout: Layout,
+struct EdgeRecords {
+    scene: Scene,
+    silhouettes: Silhouettes,
+    light: LightConstants,
+    /// Number of silhouette edges.
+    count: u32,
+    records: Records<EdgeRecord>,
 }
 
-impl Kernel for Records {
+impl Kernel for EdgeRecords {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
-        let layout = &self.layout;
-        let (mut i, end) = task_range(v, task, TASK, layout.silhouette_count);
-        let step = v.s_imm(16);
+        let EdgeRecords { scene, silhouettes, records, .. } = self;
+        let (mut i, end) = task_range(v, task, TASK, self.count);
         let lane = v.viota();
         let none = v.vset_i32(0);
         let sixteen = v.vset_i32(16);
-        let words = v.vset_i32(EDGE_WORDS as i32);
+        let words = v.vset_i32(words::<EdgeRecord>() as i32);
         let (zero, one) = (v.vset_f32(0.0), v.vset_f32(1.0));
         while v.branch(Compare::Less, i, end) {
             let live = lanes_below(v, i, end);
-            let edge = v.vload_i32_or(none, live, layout.silhouettes, i);
-            let low = v.vgather_i32_or(none, live, layout.edges.column(0), edge);
-            let high = v.vgather_i32_or(none, live, layout.edges.column(1), edge);
-            let weight = v.vgather_i32_or(none, live, layout.edge_weights, edge);
-            let a = positions(v, layout, live, low);
-            let b = positions(v, layout, live, high);
+            let edge = v.vload_i32_or(none, live, silhouettes.edges, i);
+            let [low, high] = each!(end in [0, 1] => {
+                v.vgather_i32_or(none, live, scene.edges.column(field!(Edge.ends[end])), edge)
+            });
+            let weight = v.vgather_i32_or(none, live, silhouettes.edge_weights, edge);
+            let a = positions(v, scene, live, low);
+            let b = positions(v, scene, live, high);
             let normal = edge_normal(v, a, b);
             // Least distance from the light: the foot of the perpendicular, where it lies on the edge.
             let along = sub(v, b, a);
@@ -313,25 +355,27 @@ impl Kernel for Records {
             let least2 = dot(v, nearest, nearest);
             let least = math::sqrt(v, least2);
 
-            let front = v.vsll(weight, sixteen);
+            let front = int!(v, weight << sixteen);
             let front = v.vsra(front, sixteen);
             let behind = v.vsra(weight, sixteen);
 
             let base = v.vsplat(i);
-            let number = v.viadd(base, lane);
-            let at = v.vimul(number, words);
-            let values = [a[0], a[1], a[2], b[0], b[1], b[2], normal[0], normal[1], normal[2]];
-            for (word, value) in values.into_iter().enumerate() {
-                v.vscatter_f32(live, layout.edge_records.plus(4 * word as u64), at, value);
+            let number = int!(v, base + lane);
+            let at = int!(v, number * words);
+            let ends = each!(end in [0, 1] => field!(EdgeRecord.ends[end]));
+            for (field, value) in [(ends[0], a), (ends[1], b), (field!(EdgeRecord.normal), normal)] {
+                for (axis, x) in value.into_iter().enumerate() {
+                    v.vscatter_f32(live, records.field(field.at(axis)), at, x);
+                }
             }
-            v.vscatter_i32(live, layout.edge_records.plus(36), at, front);
-            v.vscatter_i32(live, layout.edge_records.plus(40), at, behind);
-            v.vscatter_f32(live, layout.edge_records.plus(44), at, least);
+            v.vscatter_i32(live, records.field(field!(EdgeRecord.weights[0])), at, front);
+            v.vscatter_i32(live, records.field(field!(EdgeRecord.weights[1])), at, behind);
+            v.vscatter_f32(live, records.field(field!(EdgeRecord.nearest)), at, least);
             let offset = rounding_offset(v, number);
-            v.vscatter_f32(live, layout.edge_records.plus(48), at, offset);
-            let faces = faces_of_edges(v, &layout.light, a, b);
-            v.vscatter_i32(live, layout.edge_records.plus(52), at, faces);
-            i = v.s_add(i, step);
+            v.vscatter_f32(live, records.field(field!(EdgeRecord.rounding_offset)), at, offset);
+            let faces = faces_of_edges(v, &self.light, a, b);
+            v.vscatter_i32(live, records.field(field!(EdgeRecord.faces)), at, faces);
+            i = scalar!(v, i + 16);
         }
     }
 }

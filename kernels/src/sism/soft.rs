@@ -1,79 +1,109 @@
 //! Soft shadow kernel: the signed part of the light's disc beyond each silhouette edge [johnson09, Eq. 3].
+//!
+//! Each edge is projected from the receiver onto the light's disc, cut to it, and the circular segment beyond it measured,
+//! within the wedge that the edge subtends at the middle. With the layers of `hard` these parts add up to what is covered
+//! [algorithms, 0]: negative where the middle is on the occluder's side, since a layer was counted there.
 
-use lrbsim_isa::{Addr, Arena, Compare, Kernel, Ordering, Step, Vpu};
+#![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
 
-use super::Frame;
-use super::layout::{EDGE_WORDS, Layout};
-use super::run::{PerVector, Samples, walk};
+use lrbsim_isa::{Kernel, Step, Vpu};
+
+use super::{Frame, Sums};
+use crate::columns::Columns;
+use crate::expression::int;
+use crate::field;
+use crate::irregular::primitives::{EdgeRecord, Kind, LightConstants};
+use crate::irregular::raster::CellRecord;
+use crate::irregular::run::{Samples, Shade, Walk};
 use crate::light::View;
-use crate::plane::{Vec3, broadcast3, side};
+use crate::plane::{Vec3, side};
+use crate::record::{Record, Records};
 use crate::segment::segment;
-
-/// Column of [`Layout::sums`] with the coverage in F; that in B follows.
-pub const COVERAGE: u32 = 2;
 
 /// A whole light in fixed point: sums of 32-bit integers are the same in any order [algorithms, 6.9].
 pub const WHOLE: f32 = (1 << 24) as f32;
 
 /// Sums the edges' parts for every sample.
-pub fn sum(frame: &mut Frame, _: &mut Arena) -> Step {
-    let layout = frame.layout;
-    Step {
-        name: "soft",
-        ordering: Ordering::Independent,
-        tasks: frame.run_counts[1],
-        kernel: Box::new(Soft { layout }),
+pub fn sum(frame: &Frame) -> Step {
+    // SAFETY: each task writes the sums of its own samples: a sample lies in one run.
+    unsafe {
+        Step::independent(
+            "soft",
+            frame.runs.count(Kind::Edges),
+            Soft {
+                walk: Walk::new(Kind::Edges, &frame.grid, &frame.raster, &frame.runs),
+                light: frame.primitives.light,
+                edges: frame.primitives.edges,
+                sums: frame.sums,
+            },
+        )
     }
 }
 
 struct Soft {
-    layout: Layout,
+    walk: Walk,
+    light: LightConstants,
+    edges: Records<EdgeRecord>,
+    sums: Columns<Sums>,
+}
+
+/// What covers the light of 16 samples so far.
+struct Coverage<V: Vpu> {
+    /// The light as they see it.
+    view: View<V>,
+    /// Coverage in F and B, fixed point.
+    coverage: [V::I32; 2],
 }
 
 impl Kernel for Soft {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
-        walk(v, &self.layout, self.layout.soft_runs, 1, task, self);
+        self.walk.run(v, task, self);
     }
 }
 
-impl PerVector for Soft {
+impl Shade for Soft {
+    type State<V: Vpu> = Coverage<V>;
+
     #[inline(always)]
-    fn vector<V: Vpu>(&self, v: &mut V, samples: &Samples<V>, records: (V::S32, V::S32), depth: V::S32) {
-        let layout = &self.layout;
-        let two = v.s_imm(2);
-        let words = v.s_imm(EDGE_WORDS as i32);
-        let view = view(v, layout, samples.position);
+    fn begin<V: Vpu>(&self, v: &mut V, samples: &Samples<V>) -> Coverage<V> {
+        let view = view(v, &self.light, samples.position);
         let none = v.vset_i32(0);
-        let mut coverage = [none; 2];
-        let (mut record, end) = records;
-        while v.branch(Compare::Less, record, end) {
-            let start = v.s_load(layout.records.plus(4), record);
-            if v.branch(Compare::LessEqual, start, depth) {
-                let edge = v.s_load(layout.records, record);
-                let index = v.s_mul(edge, words);
-                let at = (layout.edge_records, index);
-                coverage = add_edge(v, &view, samples.live, samples.position, at, coverage);
-            }
-            record = v.s_add(record, two);
-        }
-        for (i, coverage) in coverage.into_iter().enumerate() {
-            let column = layout.sums.column(COVERAGE + i as u32);
-            v.vstore_i32(samples.live, column, samples.first, coverage);
+        Coverage { view, coverage: [none; 2] }
+    }
+
+    #[inline(always)]
+    fn add<V: Vpu>(
+        &self,
+        v: &mut V,
+        samples: &Samples<V>,
+        state: &mut Coverage<V>,
+        primitive: Record<V, CellRecord>,
+    ) {
+        let number = primitive.scalar(v, field!(CellRecord.primitive));
+        let edge = self.edges.record(v, number);
+        let (live, points) = (samples.live, samples.position);
+        state.coverage = add_edge(v, &state.view, live, points, edge, state.coverage);
+    }
+
+    #[inline(always)]
+    fn finish<V: Vpu>(&self, v: &mut V, samples: &Samples<V>, state: Coverage<V>) {
+        for (i, coverage) in state.coverage.into_iter().enumerate() {
+            v.vstore_i32(samples.live, self.sums.column(field!(Sums.coverage[i])), samples.first, coverage);
         }
     }
 }
 
 /// The light as 16 samples see it.
 #[inline(always)]
-pub fn view<V: Vpu>(v: &mut V, layout: &Layout, points: Vec3<V>) -> View<V> {
-    let per_radius = v.vset_f32(1.0 / layout.light.radius);
-    View::new(v, layout.light.disc, points, per_radius)
+pub fn view<V: Vpu>(v: &mut V, light: &LightConstants, points: Vec3<V>) -> View<V> {
+    let per_radius = v.vset_f32(1.0 / light.radius);
+    View::new(v, light.disc, points, per_radius)
 }
 
-/// Adds to the coverage in F and B the signed part that the edge of record `at` makes for 16 samples.
+/// Adds to the coverage in F and B of 16 samples the signed part that an edge makes.
 ///
-/// The sign comes from the same predicate as the umbra: negative where the centre is on the occluder's side.
+/// The sign comes from the same predicate as the umbra: negative where the middle of the light is on the occluder's side.
 /// 66 operations where all lines miss the disc, 157 for a part that needs no clipping.
 #[inline(always)]
 pub fn add_edge<V: Vpu>(
@@ -81,33 +111,36 @@ pub fn add_edge<V: Vpu>(
     view: &View<V>,
     live: V::Mask,
     points: Vec3<V>,
-    at: (Addr, V::S32),
+    edge: Record<V, EdgeRecord>,
     coverage: [V::I32; 2],
 ) -> [V::I32; 2] {
-    let a = broadcast3(v, at.0, at.1);
-    let b = broadcast3(v, at.0.plus(12), at.1);
+    // The edge on the disc, in radii: what of it lies between receiver and light.
+    let a = edge.vec3(v, field!(EdgeRecord.ends[0]));
+    let b = edge.vec3(v, field!(EdgeRecord.ends[1]));
     let mut a = view.see(v, a);
     let mut b = view.see(v, b);
     let live = view.clip(v, live, &mut a, &mut b);
     let u0 = view.project(v, a);
     let u1 = view.project(v, b);
+
+    // The part of the disc beyond it.
     let (live, f) = segment(v, live, u0, u1);
     if !v.branch_any(live) {
         return coverage;
     }
-    let offset = v.vbroadcast_f32(at.0.plus(48), at.1);
+    let offset = edge.float(v, field!(EdgeRecord.rounding_offset));
     let fixed = fixed(v, f, offset);
 
-    // Weight counts faces on the left: -F for those on whose side the centre is, +F for the others.
-    let normal = broadcast3(v, at.0.plus(24), at.1);
+    // Weight counts faces on the left: -F for those on whose side the middle is, +F for the others.
+    let normal = edge.vec3(v, field!(EdgeRecord.normal));
     let side = side(v, points, normal);
     let none = v.vset_i32(0);
     let left = v.vicmp_ge(side, none);
     let signed = v.visub_or(fixed, left, none, fixed);
-    let front = v.vbroadcast_i32(at.0.plus(36), at.1);
-    let back = v.vbroadcast_i32(at.0.plus(40), at.1);
-    let front = v.vimul(front, signed);
-    let back = v.vimul(back, signed);
+    let front = edge.int(v, field!(EdgeRecord.weights[0]));
+    let back = edge.int(v, field!(EdgeRecord.weights[1]));
+    let front = int!(v, front * signed);
+    let back = int!(v, back * signed);
     [v.viadd_or(coverage[0], live, coverage[0], front), v.viadd_or(coverage[1], live, coverage[1], back)]
 }
 
@@ -127,7 +160,7 @@ pub fn fixed<V: Vpu>(v: &mut V, f: V::F32, offset: V::F32) -> V::I32 {
 #[inline(always)]
 pub fn rounding_offset<V: Vpu>(v: &mut V, number: V::I32) -> V::F32 {
     let golden = v.vset_i32(0x9e37_79b9_u32 as i32);
-    let turned = v.vimul(number, golden);
+    let turned = int!(v, number * golden);
     let turned = v.vcvt_i32_f32(turned);
     // Below 2^-32, so that the greatest stays below a half.
     let unit = v.vset_f32(0.999_999 / 4_294_967_296.0);

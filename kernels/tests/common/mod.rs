@@ -5,12 +5,16 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use lrbsim_isa::host::run_functional;
-use lrbsim_isa::{Arena, Compare, HostSimd, Kernel, OpCounts, Ordering, Step, Stream, Vpu};
+use lrbsim_isa::{
+    Arena, Compare, HostSimd, Kernel, OpCounts, Step, StepSource, Stream, TaskSource, Vpu, run_functional,
+};
 use lrbsim_kernels::columns::{Columns, lanes_below};
-use lrbsim_kernels::plane::TRIANGLE_WORDS;
-use lrbsim_kernels::sism::layout::{EDGE_WORDS, Layout, OWN_TRIANGLE, PIXEL, POSITION, RECEIVER};
-use lrbsim_kernels::sism::{self, Frame, hard::count_layers, soft};
+use lrbsim_kernels::field;
+use lrbsim_kernels::irregular::grid::Sample;
+use lrbsim_kernels::irregular::primitives::Primitives;
+use lrbsim_kernels::irregular::receivers::{Receiver, Receivers};
+use lrbsim_kernels::record::Field;
+use lrbsim_kernels::sism::{self, Frame, Sums, hard::count_layers, soft};
 use lrbsim_workloads::adjacency::prepare;
 use lrbsim_workloads::glam::{DVec3, Vec3};
 use lrbsim_workloads::{Adjacency, EyeView, Light, Mesh, Scene, ShadowInput, load_scene};
@@ -50,8 +54,8 @@ pub struct StepFigures {
 }
 
 /// Runs a step.
-pub fn run_step(step: &Step, arena: &Arena, on: On) -> StepFigures {
-    let mut figures = StepFigures { tasks: step.tasks, ..StepFigures::default() };
+pub fn run_step(step: &Step, arena: &mut Arena, on: On) -> StepFigures {
+    let mut figures = StepFigures { tasks: step.tasks(), ..StepFigures::default() };
     match on {
         On::Host(simd, threads) => {
             let counts: OpCounts = run_functional(step, arena, simd, threads);
@@ -59,9 +63,9 @@ pub fn run_step(step: &Step, arena: &Arena, on: On) -> StepFigures {
         }
         On::Recording(simd) => {
             let mut stream = Stream::default();
-            for task in 0..step.tasks {
-                stream.clear();
-                step.kernel.record(simd, arena, task, &mut stream);
+            let source = StepSource::new(step, arena, simd, 1);
+            for task in 0..step.tasks() {
+                source.record(task, &mut stream);
                 figures.uops += stream.uops.len() as u64;
                 figures.longest_task = figures.longest_task.max(stream.uops.len());
                 figures.live_vectors_max = figures.live_vectors_max.max(stream.live_vectors_max);
@@ -88,34 +92,29 @@ impl Run {
         for phase in &program.phases {
             for make in &phase.steps {
                 let step = make(&mut program.state, &mut arena);
-                let figures = run_step(&step, &arena, on);
+                let figures = run_step(&step, &mut arena, on);
                 *phases.entry(phase.id).or_default() += figures.uops;
-                steps.insert(step.name, figures);
+                steps.insert(step.name(), figures);
             }
         }
-        assert_eq!(arena.host_reads_in_task(), 0, "a task read the arena past the Vpu");
         Run { arena, frame: program.state, steps, phases }
     }
 
     /// Layers in F and B, coverage in F and B by pixel, as the pipeline left them.
     pub fn sums(&self) -> BTreeMap<u32, [i32; 4]> {
-        let layout = &self.frame.layout;
-        let receiver = |i: u64| u64::from(self.arena.read_u32(layout.samples.column(RECEIVER).plus(4 * i)));
-        sums(&self.arena, layout, layout.sums, receiver)
+        let samples = self.frame.grid.samples;
+        let receiver = |i: u32| self.arena.read_u32(samples.host(i, field!(Sample.receiver)));
+        sums(&self.arena, &self.frame, self.frame.sums, receiver)
     }
 
     /// The same by brute force, from the records of this run.
     pub fn brute_force(&mut self, on: On) -> BTreeMap<u32, [i32; 4]> {
-        let layout = self.frame.layout;
-        let out = Columns::new(&mut self.arena, 4, layout.receiver_count);
-        let step = Step {
-            name: "brute force",
-            ordering: Ordering::Independent,
-            tasks: layout.receiver_count.div_ceil(16),
-            kernel: Box::new(BruteForce { layout, out }),
-        };
-        run_step(&step, &self.arena, on);
-        sums(&self.arena, &layout, out, |i| i)
+        let receivers = self.frame.grid.receivers;
+        let out = Columns::new(&mut self.arena, receivers.count);
+        let kernel = BruteForce { receivers, primitives: self.frame.primitives, out };
+        let step = Step::ordered("brute force", receivers.count.div_ceil(16), kernel);
+        run_step(&step, &mut self.arena, on);
+        sums(&self.arena, &self.frame, out, |i| i)
     }
 
     /// Visibility, one a receiver; every one in [0, 1].
@@ -129,65 +128,65 @@ impl Run {
 /// Sums by pixel, from columns whose entries are of these receivers.
 fn sums(
     arena: &Arena,
-    layout: &Layout,
-    from: Columns,
-    receiver: impl Fn(u64) -> u64,
+    frame: &Frame,
+    from: Columns<Sums>,
+    receiver: impl Fn(u32) -> u32,
 ) -> BTreeMap<u32, [i32; 4]> {
-    let columns = if layout.is_soft() { 4 } else { 2 };
-    (0..u64::from(layout.receiver_count))
+    let receivers = frame.grid.receivers;
+    (0..receivers.count)
         .map(|i| {
-            let pixel = arena.read_u32(layout.receivers.column(PIXEL).plus(4 * receiver(i)));
-            let mut all = [0; 4];
-            for (c, sum) in all.iter_mut().enumerate().take(columns) {
-                *sum = arena.read_u32(from.column(c as u32).plus(4 * i)) as i32;
-            }
-            (pixel, all)
+            let pixel = arena.read_u32(receivers.columns.host(receiver(i), field!(Receiver.pixel)));
+            let read = |field: Field<Sums, i32>| arena.read_u32(from.host(i, field)) as i32;
+            let layers = [0, 1].map(|k| read(field!(Sums.layers[k])));
+            let is_soft = frame.primitives.light.is_soft();
+            let coverage = [0, 1].map(|k| if is_soft { read(field!(Sums.coverage[k])) } else { 0 });
+            (pixel, [layers[0], layers[1], coverage[0], coverage[1]])
         })
         .collect()
 }
 
 /// Every edge x every receiver and every triangle x every receiver: no grid, no bins, no records, no wedge.
 struct BruteForce {
-    layout: Layout,
-    out: Columns,
+    receivers: Receivers,
+    primitives: Primitives,
+    out: Columns<Sums>,
 }
 
 impl Kernel for BruteForce {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
-        let layout = &self.layout;
+        let BruteForce { receivers, primitives, out } = self;
         let four = v.s_imm(4);
         let one = v.s_imm(1);
         let first = v.s_shl(task, four);
-        let end = v.s_imm(layout.receiver_count as i32);
+        let end = v.s_imm(receivers.count as i32);
         let live = lanes_below(v, first, end);
-        let mut axis = |a| v.vload_f32(layout.receivers.column(POSITION + a), first);
-        let points = [axis(0), axis(1), axis(2)];
-        let own = v.vload_i32(layout.receivers.column(OWN_TRIANGLE), first);
+        let points = [0, 1, 2]
+            .map(|axis| v.vload_f32(receivers.columns.column(field!(Receiver.position[axis])), first));
+        let own = v.vload_i32(receivers.columns.column(field!(Receiver.triangle)), first);
         let none = v.vset_i32(0);
         let (mut layers, mut coverage) = ([none; 2], [none; 2]);
-        let words = v.s_imm(TRIANGLE_WORDS as i32);
-        let end = v.s_imm(layout.triangle_count as i32);
+        let end = v.s_imm(primitives.triangle_count as i32);
         let mut i = v.s_imm(0);
         while v.branch(Compare::Less, i, end) {
-            let index = v.s_mul(i, words);
+            let triangle = primitives.triangles.record(v, i);
             let number = v.vsplat(i);
-            layers = count_layers(v, live, points, own, number, (layout.triangle_records, index), layers);
+            layers = count_layers(v, live, points, own, number, triangle, layers);
             i = v.s_add(i, one);
         }
-        if layout.is_soft() {
-            let view = soft::view(v, layout, points);
-            let words = v.s_imm(EDGE_WORDS as i32);
-            let end = v.s_imm(layout.silhouette_count as i32);
+        if primitives.light.is_soft() {
+            let view = soft::view(v, &primitives.light, points);
+            let end = v.s_imm(primitives.edge_count as i32);
             let mut i = v.s_imm(0);
             while v.branch(Compare::Less, i, end) {
-                let index = v.s_mul(i, words);
-                coverage = soft::add_edge(v, &view, live, points, (layout.edge_records, index), coverage);
+                let edge = primitives.edges.record(v, i);
+                coverage = soft::add_edge(v, &view, live, points, edge, coverage);
                 i = v.s_add(i, one);
             }
         }
-        for (c, sum) in layers.into_iter().chain(coverage).enumerate() {
-            v.vstore_i32(live, self.out.column(c as u32), first, sum);
+        for i in 0..2 {
+            v.vstore_i32(live, out.column(field!(Sums.layers[i])), first, layers[i]);
+            v.vstore_i32(live, out.column(field!(Sums.coverage[i])), first, coverage[i]);
         }
     }
 }
@@ -199,8 +198,8 @@ pub trait Lanewise<const IN: usize, const OUT: usize>: Send + Sync + Clone + 'st
 
 struct Shell<F, const IN: usize, const OUT: usize> {
     function: F,
-    from: Columns,
-    to: Columns,
+    from: Columns<[f32; IN]>,
+    to: Columns<[f32; OUT]>,
 }
 
 impl<const IN: usize, const OUT: usize, F: Lanewise<IN, OUT>> Kernel for Shell<F, IN, OUT> {
@@ -209,10 +208,10 @@ impl<const IN: usize, const OUT: usize, F: Lanewise<IN, OUT>> Kernel for Shell<F
         let four = v.s_imm(4);
         let at = v.s_shl(task, four);
         let all = v.mask_all();
-        let x = core::array::from_fn(|c| v.vload_f32(self.from.column(c as u32), at));
+        let x = core::array::from_fn(|c| v.vload_f32(self.from.column(Field::whole().at(c)), at));
         let y = self.function.eval(v, x);
         for (c, y) in y.into_iter().enumerate() {
-            v.vstore_f32(all, self.to.column(c as u32), at, y);
+            v.vstore_f32(all, self.to.column(Field::whole().at(c)), at, y);
         }
     }
 }
@@ -226,18 +225,18 @@ pub fn evaluate<const IN: usize, const OUT: usize, F: Lanewise<IN, OUT>>(
     for on in back_ends() {
         let mut arena = Arena::new();
         let count = (cases.len() as u32).next_multiple_of(16);
-        let from = Columns::new(&mut arena, IN as u32, count);
-        let to = Columns::new(&mut arena, OUT as u32, count);
+        let from: Columns<[f32; IN]> = Columns::new(&mut arena, count);
+        let to: Columns<[f32; OUT]> = Columns::new(&mut arena, count);
         for (i, case) in cases.iter().enumerate() {
             for (c, x) in case.iter().enumerate() {
-                arena.write_u32(from.column(c as u32).plus(4 * i as u64), x.to_bits());
+                arena.write_u32(from.host(i as u32, Field::whole().at(c)), x.to_bits());
             }
         }
-        let kernel = Box::new(Shell::<F, IN, OUT> { function: function.clone(), from, to });
-        let step = Step { name: "function", ordering: Ordering::Independent, tasks: count / 16, kernel };
-        run_step(&step, &arena, on);
+        let kernel = Shell::<F, IN, OUT> { function: function.clone(), from, to };
+        let step = Step::ordered("function", count / 16, kernel);
+        run_step(&step, &mut arena, on);
         let read =
-            |i: usize| core::array::from_fn(|c| arena.read_u32(to.column(c as u32).plus(4 * i as u64)));
+            |i: usize| core::array::from_fn(|c| arena.read_u32(to.host(i as u32, Field::whole().at(c))));
         let found: Vec<[u32; OUT]> = (0..cases.len()).map(read).collect();
         match &results {
             None => results = Some(found),

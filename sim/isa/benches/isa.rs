@@ -10,7 +10,7 @@
 //! the difference of two runs over the difference of their uops is the figure,
 //! `valgrind --tool=callgrind` or `perf stat -e instructions:u` being the tool.
 
-use lrbsim_isa::program::{Ordering, Step};
+use lrbsim_isa::program::Step;
 use lrbsim_isa::{Addr, Arena, Compare, HostSimd, Kernel, OpCounts, Program, Stream, Vpu, examples};
 
 /// Evaluates eight polynomials of degree 16 for each of 64 vectors of a task: seven uops in eight are `vmadd`.
@@ -53,12 +53,7 @@ impl Kernel for Polynomials {
 fn polynomials(arena: &mut Arena) -> Step {
     let x = arena.alloc(64 * 1024);
     let coefficients = arena.alloc_f32(&[0.5; 16]);
-    Step {
-        name: "polynomials",
-        ordering: Ordering::Independent,
-        tasks: 64,
-        kernel: Box::new(Polynomials { x, coefficients }),
-    }
+    Step::ordered("polynomials", 64, Polynomials { x, coefficients })
 }
 
 fn only_step<S>(mut program: Program<S>, arena: &mut Arena) -> Step {
@@ -75,13 +70,13 @@ fn now() -> std::time::Instant {
 fn run_once(step: &Step, arena: &Arena, simd: HostSimd, recording: bool, stream: &mut Stream) -> u64 {
     if !recording {
         let mut counts = OpCounts::default();
-        step.kernel.run(simd, arena, 0..step.tasks, false, &mut counts);
+        step.kernel().run(simd, arena, 0..step.tasks(), false, &mut counts);
         return counts.total();
     }
     let mut uops = 0;
-    for task in 0..step.tasks {
+    for task in 0..step.tasks() {
         stream.clear();
-        step.kernel.record(simd, arena, task, stream);
+        step.kernel().record(simd, arena, task, stream);
         uops += stream.uops.len() as u64;
     }
     uops
@@ -106,7 +101,7 @@ fn main() {
     for step in &steps {
         for (recording, mode) in [(false, "counting"), (true, "recording")] {
             for simd in HostSimd::ALL {
-                let case = format!("{}/{mode}/{simd}", step.name);
+                let case = format!("{}/{mode}/{simd}", step.name());
                 if !case.contains(&filter) {
                     continue;
                 }

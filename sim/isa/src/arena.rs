@@ -6,9 +6,11 @@
 
 use core::fmt;
 use core::marker::PhantomData;
-use std::sync::atomic::{AtomicI32, AtomicU32, AtomicU64, Ordering};
+use std::sync::atomic::AtomicI32;
 
-/// Bytes in a line.
+use crate::claims::Claims;
+
+/// Bytes in a line of caches and memory.
 pub const LINE_BYTES: u64 = 64;
 
 /// Line that holds the task counter of the running step.
@@ -37,7 +39,7 @@ pub const STACK_LINES: u32 = 64;
 /// Bytes reserved (not committed) for an arena where the host gives them.
 const RESERVED_BYTES: usize = 64 << 30;
 
-/// Less than this is no use.
+/// Bytes of address space below which an arena is refused: less is no use.
 const RESERVED_BYTES_MIN: usize = 64 << 20;
 
 /// Why an arena cannot hold what it is asked to.
@@ -45,11 +47,11 @@ const RESERVED_BYTES_MIN: usize = 64 << 20;
 pub enum ArenaError {
     /// The host refuses even the least address space.
     Refused,
-    /// An allocation did not fit.
+    /// An allocation did not fit into the address space that the host gave.
     Full {
-        /// Bytes in use once it had fit.
+        /// Bytes that would be in use had the allocation fit.
         wanted_bytes: u64,
-        /// Bytes that the host gave.
+        /// Bytes of address space that the host gave.
         reserved_bytes: u64,
     },
 }
@@ -75,7 +77,7 @@ impl fmt::Display for ArenaError {
 
 impl std::error::Error for ArenaError {}
 
-/// A byte offset in the arena.
+/// An address of the simulated memory: a byte offset in the arena.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
 pub struct Addr(pub u64);
 
@@ -87,7 +89,21 @@ impl Addr {
         Addr(self.0 + bytes)
     }
 
-    /// The line it lies in.
+    /// The address `words` words of 4 bytes further on, as [`Addr::plus`].
+    #[inline(always)]
+    #[must_use]
+    pub const fn plus_words(self, words: u64) -> Addr {
+        self.plus(4 * words)
+    }
+
+    /// The address `lines` lines further on, as [`Addr::plus`].
+    #[inline(always)]
+    #[must_use]
+    pub const fn plus_lines(self, lines: u64) -> Addr {
+        self.plus(LINE_BYTES * lines)
+    }
+
+    /// The line that the address lies in.
     #[inline(always)]
     pub const fn line(self) -> Line {
         Line((self.0 / LINE_BYTES) as u32)
@@ -99,6 +115,10 @@ impl Addr {
 pub struct Line(pub u32);
 
 /// Simulated memory.
+///
+/// It may move between host threads, but one at a time has it: only [`StepSource`](crate::program::StepSource) shares it,
+/// for as long as tasks run that vouch for one another. So a kernel, which many threads share, cannot hold one: what it
+/// reads comes through its `Vpu`, and work that nobody times cannot hide in it.
 #[derive(Debug)]
 pub struct Arena {
     /// Keeps the pages alive; bytes are reached through `base`.
@@ -108,20 +128,11 @@ pub struct Arena {
     used_bytes: u64,
     /// The first allocation that did not fit.
     full: Option<ArenaError>,
-    /// Host threads that run tasks now.
-    tasks_running: AtomicU32,
-    host_reads_in_task: AtomicU64,
+    /// Words written by the tasks of the step that runs.
+    claims: Claims,
 }
 
-// SAFETY: the bytes are plain data behind a raw pointer that lives as long as the map. Concurrent access happens only
-// while the tasks of an `Independent` step run on several host threads; such a step declares that its tasks touch
-// disjoint bytes or only add, and adds are host atomics.
-#[expect(
-    unsafe_code,
-    reason = "simulated memory is shared by host threads under the contract of independent steps"
-)]
-unsafe impl Sync for Arena {}
-// SAFETY: as above; nothing in it is tied to a thread.
+// SAFETY: the bytes are plain data behind a raw pointer that lives as long as the map, and nothing is tied to a thread.
 #[expect(unsafe_code, reason = "simulated memory may move between host threads")]
 unsafe impl Send for Arena {}
 
@@ -176,8 +187,7 @@ impl Arena {
             reserved_bytes: bytes as u64,
             used_bytes: FIRST_FREE_BYTE,
             full: None,
-            tasks_running: AtomicU32::new(0),
-            host_reads_in_task: AtomicU64::new(0),
+            claims: Claims::default(),
         })
     }
 
@@ -212,14 +222,14 @@ impl Arena {
         self.alloc_bytes(count.saturating_mul(4))
     }
 
-    /// Allocates and fills an array of 4-byte integers.
+    /// Allocates an array of 4-byte integers and fills it with `values`.
     pub fn alloc_u32(&mut self, values: &[u32]) -> Addr {
         let addr = self.alloc(values.len() as u64);
         self.write_u32s(addr, values);
         addr
     }
 
-    /// Allocates and fills an array of floats.
+    /// Allocates an array of floats and fills it with `values`.
     pub fn alloc_f32(&mut self, values: &[f32]) -> Addr {
         let addr = self.alloc(values.len() as u64);
         for (i, value) in values.iter().enumerate() {
@@ -228,22 +238,44 @@ impl Arena {
         addr
     }
 
-    /// Bytes given out so far.
+    /// Bytes that [`Arena::alloc`] has given out so far, those of the runtime included.
     #[inline(always)]
     pub fn used_bytes(&self) -> u64 {
         self.used_bytes
     }
 
-    /// Its bytes.
+    /// The bytes as the host sees them between steps.
+    fn memory(&self) -> Memory<'_> {
+        self.memory_of_task(0)
+    }
+
+    /// The bytes as task `task` of the step that runs sees them.
     #[inline(always)]
-    pub(crate) fn memory(&self) -> Memory<'_> {
-        Memory { base: self.base, used_bytes: self.used_bytes, arena: PhantomData }
+    pub(crate) fn memory_of_task(&self, task: u32) -> Memory<'_> {
+        Memory {
+            base: self.base,
+            used_bytes: self.used_bytes,
+            claims: &self.claims,
+            task,
+            arena: PhantomData,
+        }
+    }
+
+    /// From now on tasks of an independent step run, until [`Arena::independent_tasks_end`]: debug builds stop those that
+    /// write to one word.
+    pub(crate) fn independent_tasks_begin(&mut self) {
+        self.claims = Claims::new(self.used_bytes);
+    }
+
+    /// The tasks of the independent step have run.
+    pub(crate) fn independent_tasks_end(&mut self) {
+        self.claims = Claims::default();
     }
 
     /// Gives back everything allocated after `mark`, a value of [`Arena::used_bytes`]. The bytes keep their values.
     ///
     /// # Panics
-    /// When `mark` is no such value.
+    /// When `mark` is no value that [`Arena::used_bytes`] had before an allocation.
     pub fn release_to(&mut self, mark: u64) {
         assert!(mark <= self.used_bytes, "release_to({mark}) beyond the {} bytes used", self.used_bytes);
         assert!(
@@ -258,7 +290,6 @@ impl Arena {
         if self.full.is_some() {
             return 0;
         }
-        self.note_host_read();
         u32::from_le_bytes(self.memory().get(addr))
     }
 
@@ -291,35 +322,17 @@ impl Arena {
             self.write_u32(addr.plus(4 * i as u64), *value);
         }
     }
-
-    /// How often the host read the arena past the Vpu while a task ran. Anything but 0 is work that nobody timed.
-    ///
-    /// Counted only in builds with debug assertions; 0 in others.
-    pub fn host_reads_in_task(&self) -> u64 {
-        self.host_reads_in_task.load(Ordering::Relaxed)
-    }
-
-    /// A task runs from now on until the guard is dropped, for [`Arena::host_reads_in_task`].
-    pub(crate) fn task_begins(&self) -> TaskGuard<'_> {
-        if cfg!(debug_assertions) {
-            self.tasks_running.fetch_add(1, Ordering::Relaxed);
-        }
-        TaskGuard { arena: self }
-    }
-
-    fn note_host_read(&self) {
-        if cfg!(debug_assertions) && self.tasks_running.load(Ordering::Relaxed) > 0 {
-            self.host_reads_in_task.fetch_add(1, Ordering::Relaxed);
-        }
-    }
 }
 
 /// The bytes of an arena as a task sees them: by value, since they neither move nor change in number while it runs, so
 /// that base and bound can stay in host registers.
-#[derive(Debug, Clone, Copy)]
+#[derive(Clone, Copy)]
 pub(crate) struct Memory<'a> {
     base: *mut u8,
     used_bytes: u64,
+    claims: &'a Claims,
+    /// The task whose writes are claimed.
+    task: u32,
     arena: PhantomData<&'a Arena>,
 }
 
@@ -348,6 +361,18 @@ impl<'a> Memory<'a> {
     #[inline(always)]
     pub(crate) fn used_bytes(&self) -> u64 {
         self.used_bytes
+    }
+
+    /// Debug builds stop the task where another of an independent step has written the word at `addr`.
+    #[inline(always)]
+    pub(crate) fn claim(&self, addr: u64) {
+        self.claims.write(self.task, addr);
+    }
+
+    /// Debug builds stop the task where one of an independent step has written the word at `addr`, to which this adds.
+    #[inline(always)]
+    pub(crate) fn claim_addition(&self, addr: u64) {
+        self.claims.add(addr);
     }
 
     #[inline(always)]
@@ -383,20 +408,6 @@ impl<'a> Memory<'a> {
 #[inline(never)]
 pub(crate) fn out_of_range(addr: u64, bytes: u64, used_bytes: u64) -> ! {
     panic!("access to {bytes} bytes at {addr:#x}, past the {used_bytes:#x} bytes of the arena")
-}
-
-/// A task that runs; see [`Arena::task_begins`].
-#[derive(Debug)]
-pub(crate) struct TaskGuard<'a> {
-    arena: &'a Arena,
-}
-
-impl Drop for TaskGuard<'_> {
-    fn drop(&mut self) {
-        if cfg!(debug_assertions) {
-            self.arena.tasks_running.fetch_sub(1, Ordering::Relaxed);
-        }
-    }
 }
 
 #[cfg(test)]

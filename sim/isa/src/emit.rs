@@ -7,35 +7,37 @@ use crate::uop::Class;
 
 /// Takes note of every operation.
 pub trait Emit {
-    /// Names the uop that produced a value.
+    /// What names the uop that produced a value.
     type Id: Copy;
-    /// The producer of a constant: none.
+    /// The name that stands for no uop: constants have no producer.
     const NONE: Self::Id;
-    /// Whether lines are wanted; finding them costs host time.
+    /// Whether the lines that memory uops touch are wanted; finding them costs host time.
     const LINES: bool;
 
-    /// An ALU uop with its producers.
+    /// Takes note of an ALU uop and its producers; the name of the uop.
     fn alu<const N: usize>(&mut self, class: Class, producers: [Self::Id; N]) -> Self::Id;
-    /// A memory uop with its producers; its `lines` lines have just been pushed.
+    /// Takes note of a memory uop and its producers, whose `lines` lines were noted just before; the name of the uop.
     fn memory<const N: usize>(&mut self, class: Class, producers: [Self::Id; N], lines: u8) -> Self::Id;
-    /// One line of the memory uop to come.
+    /// Takes note of one line that the memory uop to come touches.
     fn line(&mut self, line: StreamLine);
-    /// The lines of the arena from `first` to `last` of the memory uop to come, which are one or two neighbours; how many.
+    /// Takes note of the lines from `first` to `last`, one or two neighbours, that the memory uop to come touches; how many
+    /// they are.
     fn line_or_two(&mut self, first: Line, last: Line) -> u8;
-    /// The distinct lines of the arena among those of the active lanes, in lane order, of the memory uop to come; how many.
+    /// Takes note of the lines that the memory uop to come touches, `lines[i]` in every lane `i` of `k`: each once, in lane
+    /// order; how many they are.
     fn distinct_lines<L: Lanes>(&mut self, k: u16, lines: L::I) -> u8;
-    /// The `count` lines of the memory uop just emitted once more, for the memory uop to come.
+    /// Takes note that the memory uop to come touches the `count` lines of the memory uop before it.
     fn repeat_lines<L: Lanes>(&mut self, count: u8);
-    /// The uop to come reads these vector registers: they are taken until then.
+    /// Takes note that the uop to come reads these vector registers, which are taken until then.
     fn reads<const N: usize>(&mut self, vectors: [Self::Id; N]);
-    /// The vector uop to come runs under mask `k`.
+    /// Takes note that the vector uop to come runs under mask `k`.
     fn under_mask(&mut self, k: u16);
 }
 
-/// Operations by class, and lane-slots.
+/// How many operations were done, by class, and how many of their lane-slots did no work.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct OpCounts {
-    /// Operations by class byte.
+    /// Number of operations of each class, by class byte.
     pub class_counts: [u64; Class::COUNT],
     /// Lane-slots of vector operations that were masked off.
     pub lanes_masked: u64,
@@ -53,12 +55,12 @@ impl OpCounts {
         lane_slots(&self.class_counts) - self.lanes_masked
     }
 
-    /// All operations.
+    /// Number of operations of all classes.
     pub fn total(&self) -> u64 {
         self.class_counts.iter().sum()
     }
 
-    /// Adds what another thread counted.
+    /// Adds the operations that another host thread counted.
     pub fn add(&mut self, other: &OpCounts) {
         for (sum, count) in self.class_counts.iter_mut().zip(other.class_counts) {
             *sum += count;
@@ -67,7 +69,7 @@ impl OpCounts {
     }
 }
 
-/// Lane-slots of the vector operations among `class_counts`: 16 each.
+/// Lane-slots of the vector operations among `class_counts`: 16 for each operation.
 pub fn lane_slots(class_counts: &[u64; Class::COUNT]) -> u64 {
     Class::ALL
         .iter()

@@ -14,7 +14,7 @@ use crate::record::{Buffers, Record, Recorded};
 use crate::stream::Stream;
 use crate::vpu::Vpu;
 
-/// What a task does.
+/// The code of a step: what each of its tasks does.
 ///
 /// Everything a task reads comes out of the arena through `v`, and everything it computes is a value of `v`; fields of
 /// the kernel are addresses and sizes, the immediates of its code.
@@ -31,13 +31,13 @@ pub trait AnyKernel: Send + Sync {
     /// Runs one task and appends its uops to `stream`, spills included. `shared` as in [`AnyKernel::run`].
     fn record_shared(&self, simd: HostSimd, arena: &Arena, task: u32, shared: bool, stream: &mut Stream);
 
-    /// [`AnyKernel::record_shared`] while no other host thread runs tasks.
+    /// Runs one task while no other host thread runs tasks, and appends its uops to `stream`, spills included.
     fn record(&self, simd: HostSimd, arena: &Arena, task: u32, stream: &mut Stream) {
         self.record_shared(simd, arena, task, false, stream);
     }
 }
 
-/// Runs tasks on one back end; inlines into its shell.
+/// Runs `tasks` on the back end of lanes `L` and counts their operations; inlines into the shell of `L`.
 #[inline(always)]
 fn run_tasks<K: Kernel, L: Lanes>(
     kernel: &K,
@@ -49,14 +49,14 @@ fn run_tasks<K: Kernel, L: Lanes>(
     // Counted here, where no store to the arena can reach: host registers, added to once a straight run of the kernel.
     let mut own = OpCounts::default();
     for task in tasks {
-        let mut v = Backend::<L, Count<'_>>::new(arena, Count(&mut own), shared);
+        let mut v = Backend::<L, Count<'_>>::new(arena, Count(&mut own), task, shared);
         let task = v.s_imm(task as i32);
         kernel.run(&mut v, task);
     }
     counts.add(&own);
 }
 
-/// Records one task on one back end; inlines into its shell.
+/// Records one task on the back end of lanes `L`; inlines into the shell of `L`.
 #[inline(always)]
 fn record_task<K: Kernel, L: Lanes>(
     kernel: &K,
@@ -65,7 +65,7 @@ fn record_task<K: Kernel, L: Lanes>(
     shared: bool,
     buffers: &mut Buffers,
 ) -> Recorded {
-    let mut v = Backend::<L, Record<'_>>::new(arena, Record::new(buffers), shared);
+    let mut v = Backend::<L, Record<'_>>::new(arena, Record::new(buffers), task, shared);
     let task = v.s_imm(task as i32);
     kernel.run(&mut v, task);
     v.emitted().recorded()
@@ -148,12 +148,11 @@ impl<K: Kernel> AnyKernel for K {
     #[expect(unsafe_code, reason = "calls into functions with target features")]
     fn run(&self, simd: HostSimd, arena: &Arena, tasks: Range<u32>, shared: bool, counts: &mut OpCounts) {
         assert!(simd.is_available(), "this host has no {simd}");
-        let _running = arena.task_begins();
         match simd {
             // SAFETY: the host has it, asserted above.
             #[cfg(target_arch = "x86_64")]
             HostSimd::Avx512 => unsafe { shells::run_avx512(self, arena, tasks, shared, counts) },
-            // SAFETY: as above.
+            // SAFETY: the host has it, asserted above.
             #[cfg(target_arch = "x86_64")]
             HostSimd::Avx2 => unsafe { shells::run_avx2(self, arena, tasks, shared, counts) },
             _ => run_tasks::<K, Portable>(self, arena, tasks, shared, counts),
@@ -163,7 +162,6 @@ impl<K: Kernel> AnyKernel for K {
     #[expect(unsafe_code, reason = "calls into functions with target features")]
     fn record_shared(&self, simd: HostSimd, arena: &Arena, task: u32, shared: bool, stream: &mut Stream) {
         assert!(simd.is_available(), "this host has no {simd}");
-        let running = arena.task_begins();
         let recorded = Buffers::with(|buffers| {
             if !buffers.prepare() {
                 return false;
@@ -175,7 +173,7 @@ impl<K: Kernel> AnyKernel for K {
                     let recorded = shells::record_avx512(self, arena, task, shared, buffers);
                     shells::finish_avx512(buffers, recorded, stream);
                 },
-                // SAFETY: as above.
+                // SAFETY: the host has it, asserted above.
                 #[cfg(target_arch = "x86_64")]
                 HostSimd::Avx2 => unsafe {
                     let recorded = shells::record_avx2(self, arena, task, shared, buffers);
@@ -188,7 +186,6 @@ impl<K: Kernel> AnyKernel for K {
             }
             true
         });
-        drop(running);
         if !recorded {
             // No stream; but later tasks rely on what this one does to the arena.
             stream.cut_short = true;

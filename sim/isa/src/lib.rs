@@ -15,15 +15,16 @@
 
 pub mod arena;
 pub mod backend;
+mod claims;
 pub mod emit;
 pub mod examples;
+pub mod functional;
 pub mod host;
 pub mod kernel;
 pub mod lanes;
 pub mod math;
 pub mod program;
 mod record;
-pub mod scan;
 mod spill;
 pub mod stream;
 #[cfg(test)]
@@ -33,6 +34,7 @@ pub mod vpu;
 
 pub use arena::{Addr, Arena, ArenaError, Line};
 pub use emit::OpCounts;
+pub use functional::run_functional;
 pub use host::HostSimd;
 pub use kernel::{AnyKernel, Kernel};
 pub use program::{Ordering, Phase, Program, Step, StepSource, TaskSource};

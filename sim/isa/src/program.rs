@@ -9,9 +9,14 @@
 //! A step is made by a host closure when its turn comes, so that it may read totals that earlier steps left in the
 //! arena, allocate arrays of the right size and choose its number of tasks.
 
+use core::ops::Range;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
 use crate::arena::Arena;
+use crate::emit::OpCounts;
 use crate::host::HostSimd;
-use crate::kernel::AnyKernel;
+use crate::kernel::{AnyKernel, Kernel};
 use crate::stream::Stream;
 
 /// How the tasks of a step depend on one another.
@@ -25,36 +30,67 @@ pub enum Ordering {
 
 /// Tasks of one kind that may run at once, ended by a global barrier.
 pub struct Step {
-    /// Name for messages and timelines.
-    pub name: &'static str,
-    /// Whether its tasks may run on many host threads.
-    pub ordering: Ordering,
-    /// Number of tasks; may be 0.
-    pub tasks: u32,
-    /// What a task does.
-    pub kernel: Box<dyn AnyKernel>,
+    name: &'static str,
+    ordering: Ordering,
+    tasks: u32,
+    kernel: Box<dyn AnyKernel>,
 }
 
-/// Makes a step when its turn comes.
+impl Step {
+    /// A step of `tasks` tasks, which may be none, that run functionally one after the other. `name` is for messages and
+    /// timelines.
+    pub fn ordered(name: &'static str, tasks: u32, kernel: impl Kernel + 'static) -> Step {
+        Step { name, ordering: Ordering::Ordered, tasks, kernel: Box::new(kernel) }
+    }
+
+    /// A step of `tasks` tasks, which may be none, that may run on many host threads at once. `name` is for messages and
+    /// timelines.
+    ///
+    /// # Safety
+    /// A word of the arena that one of the tasks writes is read and written by no other of them; but all may add to a word
+    /// by atomics, as long as none of them uses what the atomic returns or reads or writes the word. Anything else is a data
+    /// race of the host. Debug builds stop tasks that write to one word, on one host thread as on many.
+    #[expect(unsafe_code, reason = "that tasks are independent is seen by no compiler")]
+    pub unsafe fn independent(name: &'static str, tasks: u32, kernel: impl Kernel + 'static) -> Step {
+        Step { name, ordering: Ordering::Independent, tasks, kernel: Box::new(kernel) }
+    }
+
+    /// Name of the step, for messages and timelines.
+    pub fn name(&self) -> &'static str {
+        self.name
+    }
+
+    /// Number of tasks of the step, which may be 0.
+    pub fn tasks(&self) -> u32 {
+        self.tasks
+    }
+
+    /// The code that each task of the step runs.
+    pub fn kernel(&self) -> &dyn AnyKernel {
+        &*self.kernel
+    }
+}
+
+/// A function that makes a step when the turn of the step comes.
 pub type MakeStep<S> = fn(&mut S, &mut Arena) -> Step;
 
 /// A row of the timing table: one or more steps in order.
 pub struct Phase<S> {
-    /// Stable id, as in reports.
+    /// The id of the phase, as reports and studies name it.
     pub id: &'static str,
-    /// Title, as in tables.
+    /// The title of the phase, as tables have it.
     pub title: &'static str,
     /// Whether the published totals of Johnson et al. 2009 contain this phase.
     pub in_paper_total: bool,
-    /// Its steps, in order.
+    /// Makers of the steps of the phase, in order.
     pub steps: Vec<MakeStep<S>>,
 }
 
-/// Phases in order, and what their steps share.
+/// What a frame takes: phases in order, and what their steps share.
 pub struct Program<S> {
     /// What the host knows of the frame: addresses, sizes, options.
     pub state: S,
-    /// The rows of the timing table.
+    /// The phases, in order: the rows of the timing table.
     pub phases: Vec<Phase<S>>,
 }
 
@@ -74,17 +110,65 @@ pub trait TaskSource: Sync {
     fn record(&self, task: u32, stream: &mut Stream);
 }
 
-/// Records the tasks of a step, each on the host thread that asks for it.
+/// A step and the arena that its tasks run on, which nothing else reaches meanwhile: tasks are counted or recorded, each on
+/// the host thread that asks for it.
 pub struct StepSource<'a> {
-    /// The step.
-    pub step: &'a Step,
-    /// Simulated memory.
-    pub arena: &'a Arena,
-    /// Which host instructions compute the lanes.
-    pub simd: HostSimd,
-    /// Whether several host threads record at once, so that adds to the arena must be host atomics. Streams and memory
+    step: &'a Step,
+    arena: &'a mut Arena,
+    simd: HostSimd,
+    /// Whether several host threads run tasks at once, so that adds to the arena must be host atomics. Streams and memory
     /// are the same either way.
-    pub shared: bool,
+    shared: bool,
+    /// Held by the host thread that runs a task of an ordered step.
+    turn: Mutex<()>,
+    /// Tasks that were asked for: a second time they would race with themselves.
+    asked: Vec<AtomicBool>,
+}
+
+// SAFETY: all of it but the arena is `Sync`. Nobody else reaches the arena as long as this borrows it, and through this only
+// tasks of the step do. Those of an ordered step hold `turn`; those of an independent one touch disjoint words or only add,
+// by host atomics, as its maker has vouched.
+#[expect(unsafe_code, reason = "tasks share the arena under the contract of independent steps")]
+unsafe impl Sync for StepSource<'_> {}
+
+impl<'a> StepSource<'a> {
+    /// The tasks of `step` on `arena`, asked for by at most `host_threads` host threads; lanes are computed by `simd`.
+    pub fn new(step: &'a Step, arena: &'a mut Arena, simd: HostSimd, host_threads: usize) -> StepSource<'a> {
+        let is_independent = step.ordering == Ordering::Independent;
+        if is_independent {
+            arena.independent_tasks_begin();
+        }
+        let asked = std::iter::repeat_with(AtomicBool::default).take(step.tasks as usize).collect();
+        let shared = is_independent && host_threads > 1;
+        StepSource { step, arena, simd, shared, turn: Mutex::new(()), asked }
+    }
+
+    /// Runs `tasks` without recording them and adds their operations to `counts`.
+    ///
+    /// # Panics
+    /// Where the step has no such task, or one of them has been run before.
+    pub fn count(&self, tasks: Range<u32>, counts: &mut OpCounts) {
+        tasks.clone().for_each(|task| self.ask(task));
+        let _turn = self.turn();
+        self.step.kernel.run(self.simd, self.arena, tasks, self.shared, counts);
+    }
+
+    /// Notes that `task` is run.
+    fn ask(&self, task: u32) {
+        let again = self.asked[task as usize].swap(true, Relaxed);
+        assert!(!again, "task {task} of step `{}` is run twice", self.step.name);
+    }
+
+    /// Waits until no other task of an ordered step runs.
+    fn turn(&self) -> Option<MutexGuard<'_, ()>> {
+        self.is_ordered().then(|| self.turn.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+}
+
+impl Drop for StepSource<'_> {
+    fn drop(&mut self) {
+        self.arena.independent_tasks_end();
+    }
 }
 
 impl TaskSource for StepSource<'_> {
@@ -97,6 +181,8 @@ impl TaskSource for StepSource<'_> {
     }
 
     fn record(&self, task: u32, stream: &mut Stream) {
+        self.ask(task);
+        let _turn = self.turn();
         stream.clear();
         self.step.kernel.record_shared(self.simd, self.arena, task, self.shared, stream);
     }

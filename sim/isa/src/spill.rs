@@ -8,12 +8,12 @@ use crate::uop::{Class, Uop};
 /// Vector registers of a hardware thread [machine.md 1.2: abrash09].
 pub const VECTOR_REGISTERS: u32 = 32;
 
-/// How many vector registers a task needs.
+/// How many vector registers a task needs at once, and how often it needs more than there are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Pressure {
-    /// Most values live at once.
+    /// Most vector values that were live at once.
     pub live_max: u32,
-    /// Values made while all registers are taken.
+    /// Number of vector values that were made while all registers were taken.
     pub spills: u32,
 }
 
@@ -73,7 +73,7 @@ fn count_ends(readers: &[u32], ends: &mut [u8]) {
     }
 }
 
-/// The values made while all registers are taken, `live` of them before these.
+/// Number of vector values among these that were made while all registers were taken; `live` values were live before them.
 #[cold]
 #[inline(never)]
 fn count_spills(mut live: i32, made: &[u32], ended: &[u8]) -> u32 {

@@ -27,10 +27,10 @@ pub enum Place {
 }
 
 impl StreamLine {
-    /// The task counter of the running step.
+    /// The line of the runtime that holds the task counter of the running step.
     pub const TASK_COUNTER: StreamLine = StreamLine::arena(TASK_COUNTER_LINE);
 
-    /// The constant pool.
+    /// The line of the runtime that holds the constant pool.
     pub const CONSTANTS: StreamLine = StreamLine::arena(CONSTANT_LINE);
 
     /// A line of the arena or, among its first [`RUNTIME_LINES`], of the runtime.
@@ -80,16 +80,17 @@ impl StreamLine {
 
 /// What one task leaves behind for a machine to time.
 ///
-/// `uops` in program order, `lines` the lines of the memory uops in the same order, one entry per distinct line. Streams are reused: consumed and cleared, never stored.
+/// `uops` in program order, `lines` the lines of the memory uops in the same order, one entry per distinct line. Streams are
+/// reused: consumed and cleared, never stored.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Stream {
-    /// Encoded [`Uop`](crate::uop::Uop)s.
+    /// The uops in program order, each an encoded [`Uop`](crate::uop::Uop).
     pub uops: Vec<u32>,
-    /// Lines of the memory uops.
+    /// The lines that the memory uops touch, in program order.
     pub lines: Vec<StreamLine>,
-    /// Lane-slots of vector uops that did work.
+    /// Number of lane-slots of vector uops that did work.
     pub lanes_active: u64,
-    /// Lane-slots of vector uops that were masked off.
+    /// Number of lane-slots of vector uops that were masked off.
     pub lanes_masked: u64,
     /// Most vector registers live at once, before spills were charged.
     pub live_vectors_max: u32,

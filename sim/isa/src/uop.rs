@@ -82,10 +82,10 @@ pub enum Class {
 }
 
 impl Class {
-    /// Number of classes.
+    /// Number of classes of uops.
     pub const COUNT: usize = 29;
 
-    /// All classes in the order of their class byte.
+    /// All classes of uops, in the order of their class byte.
     pub const ALL: [Class; Class::COUNT] = [
         Class::VectorAlu,
         Class::VectorCompare,
@@ -128,13 +128,13 @@ impl Class {
             )
     }
 
-    /// Whether the uop uses vector lanes.
+    /// Whether uops of this class use vector lanes.
     #[inline]
     pub const fn is_vector(self) -> bool {
         !self.is_scalar()
     }
 
-    /// Whether the uop is a scalar, mask, branch or single-line cache-control instruction.
+    /// Whether uops of this class are scalar, mask, branch or single-line cache-control instructions.
     #[inline]
     pub const fn is_scalar(self) -> bool {
         matches!(
@@ -151,7 +151,7 @@ impl Class {
         )
     }
 
-    /// Whether the result is a vector register, of which a hardware thread has 32.
+    /// Whether uops of this class make a vector register, of which a hardware thread has 32.
     #[inline]
     pub const fn defines_vector(self) -> bool {
         matches!(
@@ -179,7 +179,7 @@ impl Class {
         Class::ALL[byte as usize]
     }
 
-    /// Name as it stands in reports.
+    /// Name of the class, as it stands in reports.
     pub const fn name(self) -> &'static str {
         match self {
             Class::VectorAlu => "vector_alu",
@@ -233,13 +233,13 @@ impl Uop {
         Uop::alu(class, a, b, lines)
     }
 
-    /// What it does.
+    /// The class of the uop: what it does.
     #[inline(always)]
     pub const fn class(self) -> Class {
         Class::from_byte(self.0 as u8)
     }
 
-    /// Distances to the producers; the third is 0 for a memory class.
+    /// Distances from the uop to its producers; the third is 0 for a memory class.
     #[inline(always)]
     pub const fn producers(self) -> [u8; 3] {
         let third = if self.class().is_memory() { 0 } else { (self.0 >> 24) as u8 };

@@ -140,11 +140,11 @@ macro_rules! define_vpu {
         #[expect(clippy::wrong_self_convention, reason = "`from_bits` is named for what it does to its operand")]
         /// The operations of one hardware thread's vector and scalar units; see the module's conventions.
         pub trait Vpu {
-            /// 16 floats.
+            /// A vector register of 16 floats.
             type F32: Copy;
-            /// 16 integers.
+            /// A vector register of 16 integers of 32 bits.
             type I32: Copy;
-            /// 16 bits.
+            /// A mask register of 16 bits, one a lane.
             type Mask: Copy;
             /// A scalar register of 32 bits.
             type S32: Copy;
@@ -214,9 +214,9 @@ macro_rules! define_vpu {
 
             // ---- masks
 
-            /// All lanes.
+            /// The mask of all lanes.
             fn mask_all(&mut self) -> Self::Mask;
-            /// No lane.
+            /// The mask of no lane.
             fn mask_none(&mut self) -> Self::Mask;
             /// `!a` in every bit.
             fn knot(&mut self, a: Self::Mask) -> Self::Mask;
@@ -309,10 +309,10 @@ macro_rules! define_vpu {
             fn s_load(&mut self, base: Addr, index: Self::S32) -> Self::S32;
             /// `mem[base + 4*index] = a`.
             fn s_store(&mut self, base: Addr, index: Self::S32, a: Self::S32);
-            /// Number of zero bits below the lowest one; 32 for 0.
+            /// Number of zero bits below the lowest one bit of `a`; 32 for 0.
             #[doc(alias = "tzcnt")]
             fn s_tzcnt(&mut self, a: Self::S32) -> Self::S32;
-            /// Number of one bits.
+            /// Number of one bits in `a`.
             #[doc(alias = "popcnt")]
             fn s_popcnt(&mut self, a: Self::S32) -> Self::S32;
             /// Compare and branch: two uops. The only road from simulated scalars to host control flow.

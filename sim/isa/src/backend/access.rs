@@ -47,6 +47,7 @@ impl<L: Lanes, E: Emit> Backend<'_, L, E> {
         a: Value<L::I, E::Id>,
     ) {
         let addr = Self::address(base, index.v);
+        self.claim_lanes(k.v, addr);
         if k.v == u16::MAX {
             let to = self.memory.pointer(addr, 64);
             // SAFETY: `pointer` checked 64 bytes.
@@ -98,6 +99,7 @@ impl<L: Lanes, E: Emit> Backend<'_, L, E> {
         a: Value<L::I, E::Id>,
     ) {
         let to = self.indexed_pointer(k.v, base, index.v);
+        self.claim_indexed(k.v, base, index.v);
         // SAFETY: `indexed_pointer` checked the active lanes.
         unsafe { L::scatter(k.v, to, index.v, a.v) };
         let lines = self.lines_indexed(k.v, base, index.v);
@@ -113,13 +115,14 @@ impl<L: Lanes, E: Emit> Backend<'_, L, E> {
         self.emit.memory(class, [index.id], lines);
     }
 
-    /// Stores a whole line.
+    /// Stores a whole line, which is not read first: `vstore_stream`.
     #[inline(always)]
     #[expect(unsafe_code, reason = "the range is checked just before")]
     pub(super) fn store_stream(&mut self, base: Addr, index: Value<i32, E::Id>, a: Value<L::I, E::Id>) {
         let addr = Self::address(base, index.v);
         assert!(addr.is_multiple_of(LINE_BYTES), "streaming store to {addr:#x}, which is no multiple of 64");
         let to = self.memory.pointer(addr, 64);
+        self.claim_lanes(u16::MAX, addr);
         // SAFETY: `pointer` checked 64 bytes.
         unsafe { L::store(to.cast(), a.v) };
         let lines = self.lines_of(addr, 64);
@@ -127,7 +130,7 @@ impl<L: Lanes, E: Emit> Backend<'_, L, E> {
         self.emit.memory(Class::VectorStreamStore, [index.id, a.id], lines);
     }
 
-    /// Consecutive words into the active lanes.
+    /// Loads consecutive words into the active lanes: `vexpand_or`.
     #[inline(always)]
     #[expect(unsafe_code, reason = "the range is checked just before")]
     pub(super) fn expand_or(
@@ -148,7 +151,7 @@ impl<L: Lanes, E: Emit> Backend<'_, L, E> {
         Value { v, id: self.emit.memory(Class::VectorExpand, [or.id, k.id, index.id], lines) }
     }
 
-    /// The active lanes to consecutive words.
+    /// Stores the active lanes to consecutive words: `vcompress`.
     #[inline(always)]
     #[expect(unsafe_code, reason = "the range is checked just before")]
     pub(super) fn compress(
@@ -161,6 +164,7 @@ impl<L: Lanes, E: Emit> Backend<'_, L, E> {
         let addr = Self::address(base, index.v);
         let bytes = 4 * u64::from(k.v.count_ones());
         let to = if k.v == 0 { core::ptr::null_mut() } else { self.memory.pointer(addr, bytes) };
+        self.claim_lanes(((1_u32 << k.v.count_ones()) - 1) as u16, addr);
         // SAFETY: `pointer` checked as many words as there are active lanes.
         unsafe { L::compress(k.v, to.cast(), a.v) };
         let lines = self.lines_of(addr, bytes);

@@ -9,7 +9,7 @@ use crate::lanes::{LANES, Lanes};
 use crate::uop::Class;
 
 impl<L: Lanes, E: Emit> Backend<'_, L, E> {
-    /// Adds to the words of the active lanes.
+    /// Adds to the words that the active lanes point to: `vatomic_add_or`.
     #[inline(always)]
     pub(super) fn add_or(
         &mut self,
@@ -23,7 +23,9 @@ impl<L: Lanes, E: Emit> Backend<'_, L, E> {
         let (at, add, mut out) = (L::to_i(index.v), L::to_i(a.v), L::to_i(or.v));
         for lane in 0..LANES {
             if k.v >> lane & 1 == 1 {
-                let word = self.memory.atomic(Addr(Self::address(base, at[lane])));
+                let addr = Self::address(base, at[lane]);
+                self.memory.claim_addition(addr);
+                let word = self.memory.atomic(Addr(addr));
                 out[lane] = if self.shared {
                     word.fetch_add(add[lane], Relaxed)
                 } else {
@@ -37,7 +39,7 @@ impl<L: Lanes, E: Emit> Backend<'_, L, E> {
         Value { v: L::from_i(out), id }
     }
 
-    /// Replaces the words of the active lanes where they are as expected.
+    /// Replaces the words that the active lanes point to where they are as expected: `vatomic_compare_exchange_or`.
     #[inline(always)]
     pub(super) fn compare_exchange_or(
         &mut self,
@@ -53,7 +55,9 @@ impl<L: Lanes, E: Emit> Backend<'_, L, E> {
         let mut out = L::to_i(or.v);
         for lane in 0..LANES {
             if k.v >> lane & 1 == 1 {
-                let word = self.memory.atomic(Addr(Self::address(base, at[lane])));
+                let addr = Self::address(base, at[lane]);
+                self.memory.claim(addr);
+                let word = self.memory.atomic(Addr(addr));
                 out[lane] =
                     word.compare_exchange(want[lane], new[lane], Relaxed, Relaxed).unwrap_or_else(|old| old);
             }

@@ -21,10 +21,10 @@ use crate::uop::Class;
 /// Stack slots that values between lanes and scalars take in turn.
 const TRANSFER_SLOTS: u32 = 8;
 
-/// First stack slot of spilled registers.
+/// First of the stack slots that hold spilled vector registers.
 pub(crate) const SPILL_SLOT: u32 = TRANSFER_SLOTS;
 
-/// Stack slots of spilled registers.
+/// Number of stack slots that hold spilled vector registers.
 pub(crate) const SPILL_SLOTS: u32 = STACK_LINES - TRANSFER_SLOTS;
 
 /// A value and the uop that produced it.
@@ -45,25 +45,25 @@ pub struct Backend<'a, L: Lanes, E: Emit> {
 }
 
 impl<'a, L: Lanes, E: Emit> Backend<'a, L, E> {
-    /// A hardware thread about to run a task; `shared` when other host threads may add to the same words meanwhile.
+    /// A hardware thread about to run task `task`; `shared` when other host threads may add to the same words meanwhile.
     #[inline(always)]
-    pub fn new(arena: &'a Arena, emit: E, shared: bool) -> Self {
-        Backend { memory: arena.memory(), emit, shared, transfer_slot: 0, lanes: PhantomData }
+    pub fn new(arena: &'a Arena, emit: E, task: u32, shared: bool) -> Self {
+        Backend { memory: arena.memory_of_task(task), emit, shared, transfer_slot: 0, lanes: PhantomData }
     }
 
-    /// What took note.
+    /// The emitter, with what it took note of.
     #[inline(always)]
     pub(crate) fn emitted(&self) -> &E {
         &self.emit
     }
 
-    /// `base + 4 * index` of a scalar index.
+    /// The address `base + 4 * index`, where an access with a scalar index goes.
     #[inline(always)]
     fn address(base: Addr, index: i32) -> u64 {
         base.0.wrapping_add(4 * u64::from(index as u32))
     }
 
-    /// Lane `lane` of `a`.
+    /// The value of lane `lane` of `a`, modulo 16.
     #[inline(always)]
     fn lane(a: L::I, lane: u32) -> i32 {
         L::to_i(a)[lane as usize % LANES]

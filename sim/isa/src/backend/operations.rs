@@ -250,6 +250,7 @@ macro_rules! implement_vpu {
             #[inline(always)]
             fn s_atomic_add(&mut self, base: Addr, index: Self::S32, a: Self::S32) -> Self::S32 {
                 let addr = Self::address(base, index.v);
+                self.memory.claim_addition(addr);
                 let v = self.memory.atomic(Addr(addr)).fetch_add(a.v, Relaxed);
                 let lines = self.line_of(addr);
                 Value { v, id: self.emit.memory(Class::Atomic, [index.id, a.id], lines) }
@@ -259,6 +260,7 @@ macro_rules! implement_vpu {
                 &mut self, base: Addr, index: Self::S32, expected: Self::S32, a: Self::S32,
             ) -> Self::S32 {
                 let addr = Self::address(base, index.v);
+                self.memory.claim(addr);
                 let word = self.memory.atomic(Addr(addr));
                 let v = word.compare_exchange(expected.v, a.v, Relaxed, Relaxed).unwrap_or_else(|old| old);
                 let lines = self.line_of(addr);
@@ -279,6 +281,7 @@ macro_rules! implement_vpu {
             #[inline(always)]
             fn s_store(&mut self, base: Addr, index: Self::S32, a: Self::S32) {
                 let addr = Self::address(base, index.v);
+                self.memory.claim(addr);
                 self.memory.put(Addr(addr), a.v.to_le_bytes());
                 let lines = self.line_of(addr);
                 self.emit.memory(Class::ScalarStore, [index.id, a.id], lines);

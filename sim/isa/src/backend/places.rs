@@ -7,7 +7,7 @@ use crate::lanes::Lanes;
 use crate::stream::StreamLine;
 
 impl<L: Lanes, E: Emit> Backend<'_, L, E> {
-    /// Notes the line of a word. A word lies in one line: addresses are multiples of 4.
+    /// Has the emitter note the line of the word at `addr`. A word lies in one line: addresses are multiples of 4.
     #[inline(always)]
     pub(super) fn line_of(&mut self, addr: u64) -> u8 {
         if !E::LINES {
@@ -18,7 +18,7 @@ impl<L: Lanes, E: Emit> Backend<'_, L, E> {
         1
     }
 
-    /// Notes the lines of up to 64 consecutive bytes.
+    /// Has the emitter note the lines of `bytes` bytes from `addr` on, up to 64; how many they are.
     #[inline(always)]
     pub(super) fn lines_of(&mut self, addr: u64, bytes: u64) -> u8 {
         if !E::LINES || bytes == 0 {
@@ -27,7 +27,7 @@ impl<L: Lanes, E: Emit> Backend<'_, L, E> {
         self.emit.line_or_two(Addr(addr).line(), Addr(addr + bytes - 1).line())
     }
 
-    /// Lines and byte count of the active lanes' span at `addr`.
+    /// Has the emitter note the lines from the first active lane to the last of a vector at `addr`; how many they are.
     #[inline(always)]
     pub(super) fn lines_masked(&mut self, k: u16, addr: u64) -> u8 {
         if !E::LINES || k == 0 {
@@ -38,7 +38,7 @@ impl<L: Lanes, E: Emit> Backend<'_, L, E> {
         self.lines_of(addr + first, end - first)
     }
 
-    /// Notes the lines that the active lanes touch, each once, in lane order.
+    /// Has the emitter note the lines that the active lanes touch, each once, in lane order; how many they are.
     #[inline(always)]
     pub(super) fn lines_indexed(&mut self, k: u16, base: Addr, index: L::I) -> u8 {
         if !E::LINES {
@@ -48,7 +48,7 @@ impl<L: Lanes, E: Emit> Backend<'_, L, E> {
         self.emit.distinct_lines::<L>(k, lines)
     }
 
-    /// The line of every lane of an indexed access; lanes out of range get some number.
+    /// The number of the line that each lane of an indexed access touches; lanes out of range get some number.
     #[inline(always)]
     pub(super) fn line_numbers(base: Addr, index: L::I) -> L::I {
         // Index and line are added after the shift, where both fit: the arena may hold more than 2^32 words.
@@ -60,11 +60,28 @@ impl<L: Lanes, E: Emit> Backend<'_, L, E> {
         L::iadd(from_base, L::splat_i(base.line().0 as i32))
     }
 
-    /// The lanes of an indexed access that lie inside the arena.
+    /// The mask of those lanes of an indexed access that lie inside the arena.
     #[inline(always)]
     pub(super) fn inside(&self, base: Addr, index: L::I) -> u16 {
         let room = self.memory.used_bytes().saturating_sub(base.0) / 4;
         L::ult(index, L::splat_i(room.min(i32::MAX as u64) as i32))
+    }
+
+    /// Claims the words of the active lanes from `addr` on, which the task is about to write.
+    #[inline(always)]
+    pub(super) fn claim_lanes(&self, k: u16, addr: u64) {
+        if cfg!(debug_assertions) {
+            (0..16).filter(|lane| k >> lane & 1 == 1).for_each(|lane| self.memory.claim(addr + 4 * lane));
+        }
+    }
+
+    /// Claims the words of the active lanes of an indexed access, which the task is about to write.
+    #[inline(always)]
+    pub(super) fn claim_indexed(&self, k: u16, base: Addr, index: L::I) {
+        if cfg!(debug_assertions) {
+            let lanes = (0..16).filter(|lane| k >> lane & 1 == 1);
+            lanes.for_each(|lane| self.memory.claim(Self::address(base, Self::lane(index, lane))));
+        }
     }
 
     /// Host pointer to lane 0 of `k`'s lanes at `addr`; only the active lanes lie inside the arena for sure.

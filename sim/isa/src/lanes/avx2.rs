@@ -13,7 +13,7 @@ pub struct Avx2;
 type F = [__m256; 2];
 type I = [__m256i; 2];
 
-/// Both halves through one intrinsic.
+/// A pair of registers, each what one intrinsic makes of that half of the operands.
 macro_rules! halves {
     ($op:expr, $($arg:ident),+) => {
         // SAFETY: the host has the instruction, see `Lanes`.
@@ -36,7 +36,7 @@ fn spread(k: u16) -> I {
     }
 }
 
-/// The sign bits of all lanes as a mask.
+/// The sign bits of all 16 lanes, as a mask.
 #[inline(always)]
 fn signs(a: F) -> u16 {
     // SAFETY: the host has the instruction, see `Lanes`.

@@ -16,10 +16,10 @@ mod avx2;
 #[cfg(target_arch = "x86_64")]
 pub use avx2::Avx2;
 
-/// Lanes of a vector.
+/// Number of lanes of a vector.
 pub const LANES: usize = 16;
 
-/// Bits of the one NaN that is ever observed.
+/// The bits of the one NaN that is ever observed.
 pub const CANONICAL_NAN: u32 = 0x7fc0_0000;
 
 /// Implements one operation for every lane; see [`Portable`] for the definitions.

@@ -19,18 +19,18 @@ pub(super) const RUN_UOPS_MAX: usize = 4096;
 /// Uops that there is room for from the start: what a task is meant to have at most.
 pub(super) const IDS_AT_FIRST: usize = 64 << 10;
 
-/// No id is as high: the first branch past the last place of a task begins again.
+/// A number above all ids of uops: the first branch past the last place of a task begins again.
 pub(super) const ID_LIMIT: usize = TASK_UOPS_MAX + RUN_UOPS_MAX;
 
-/// Where one host thread records.
+/// The memory in which one host thread records its tasks.
 ///
 /// Uops are written without a check each. What makes that sound: the places of a whole run past every branch are there
 /// before it begins, and a longer run stops.
 #[derive(Debug)]
 pub(crate) struct Buffers {
-    /// Nothing before the first task.
+    /// The places for uops; `None` before the first task of the host thread.
     places: Option<Places>,
-    /// [`TASK_UOPS_MAX`] but in tests.
+    /// Uops that places are ever made for: [`TASK_UOPS_MAX`], less in tests.
     pub(super) ids_max: usize,
     /// The highest id of a task that is too long, whose uops are lost; 0 for all others.
     lost: usize,
@@ -39,19 +39,19 @@ pub(crate) struct Buffers {
 /// Memory for the uops of a task, all zero at first and committed by the operating system as touched.
 #[derive(Debug)]
 struct Places {
-    /// Keeps the pages alive; all below point into it.
+    /// The pages, into which `at` points.
     _map: memmap2::MmapMut,
     at: Pointers,
 }
 
-/// The parts of [`Places`].
+/// Where the arrays of a host thread lie in its [`Places`].
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Pointers {
-    /// Uops by id.
+    /// The uops of the task, by id.
     pub(super) uops: *mut u32,
     /// The id of the last reader of each vector register by the id of its maker; 0 between tasks.
     pub(super) last_reader: *mut u32,
-    /// Lines; as many as the uops can have, and room for one vector past the last.
+    /// The lines that the uops touch: room for as many as they can have, and for one vector past the last.
     pub(super) lines: *mut StreamLine,
     /// How many vector registers have their last reader at each id; 0 between tasks.
     pub(super) ends: *mut u8,
@@ -90,7 +90,7 @@ impl Buffers {
         result
     }
 
-    /// Where a task that has begun records.
+    /// Where the arrays lie for a task that has begun.
     #[inline(always)]
     pub(super) fn pointers(&self) -> Pointers {
         self.places.as_ref().expect("a task begins only where it has places").at
@@ -163,27 +163,29 @@ impl Buffers {
     }
 }
 
-/// How far a task has come.
+/// How far a task that is recorded has come.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct At {
-    /// Id of the uop to come.
+    /// The id of the uop to come.
     pub(super) next: usize,
-    /// Lines so far.
+    /// Number of lines that its uops have touched so far.
     pub(super) lines: usize,
 }
 
-/// What a task left.
+/// How much a task has recorded: what [`Buffers::finish`] makes a stream of.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Recorded {
     pub(super) at: At,
     pub(super) lane_slots: LaneSlots,
 }
 
-/// Lane-slots of a task.
+/// What the lane-slots of a task are counted from.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct LaneSlots {
+    /// Number of vector uops, 16 lane-slots each.
     pub(super) vector_uops: u64,
-    /// Uops under a mask, and their lanes that did work.
+    /// Number of vector uops under a mask.
     pub(super) masked_uops: u64,
+    /// Number of lanes of uops under a mask that did work.
     pub(super) masked_lanes_active: u64,
 }

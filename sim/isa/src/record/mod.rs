@@ -37,7 +37,7 @@ impl<'a> Record<'a> {
         }
     }
 
-    /// What the task left, for [`Buffers::finish`].
+    /// How much the task has recorded, for [`Buffers::finish`].
     #[inline(always)]
     pub(crate) fn recorded(&self) -> Recorded {
         self.recorded

@@ -4,8 +4,10 @@ use super::one_op::{DATA_WORDS, OPS, OneOp, Op, PROLOGUE};
 use super::{Random, levels, observed};
 use crate::arena::{Addr, Arena, Line};
 use crate::emit::OpCounts;
+use crate::functional::run_functional;
 use crate::host::HostSimd;
 use crate::kernel::{AnyKernel, Kernel};
+use crate::program::{Step, StepSource, TaskSource};
 use crate::stream::{Place, Stream, StreamLine};
 use crate::uop::{Class, Uop};
 use crate::vpu::Vpu;
@@ -301,24 +303,57 @@ fn an_active_lane_past_the_end_stops_the_run() {
     }
 }
 
-#[test]
-fn a_host_read_inside_a_task_is_caught() {
-    struct Cheat(std::sync::Arc<Arena>, Addr);
-    impl Kernel for Cheat {
-        #[inline(always)]
-        fn run<V: Vpu>(&self, v: &mut V, _: V::S32) {
-            let value = self.0.read_u32(self.1);
-            v.s_imm(value as i32);
+/// Writes word `task / 2`, or adds to it.
+struct Pairs {
+    words: Addr,
+    add: bool,
+}
+
+impl Kernel for Pairs {
+    #[inline(always)]
+    fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
+        let one = v.s_imm(1);
+        let pair = v.s_shr(task, one);
+        if self.add {
+            v.s_atomic_add(self.words, pair, one);
+        } else {
+            let first = v.kmov_from_scalar(one);
+            let value = v.vset_i32(1);
+            v.vstore_i32(first, self.words, pair, value);
         }
     }
+}
+
+/// Runs so many tasks of [`Pairs`], declared independent, on one host thread.
+#[expect(unsafe_code, reason = "the tests are about steps that are declared independent")]
+fn run_pairs(tasks: u32, add: bool) -> u32 {
     let mut arena = Arena::new();
-    let at = arena.alloc(1);
-    let arena = std::sync::Arc::new(arena);
-    let cheat = Cheat(arena.clone(), at);
-    arena.read_u32(at);
-    assert_eq!(arena.host_reads_in_task(), 0);
-    AnyKernel::run(&cheat, HostSimd::Portable, &arena, 0..2, false, &mut OpCounts::default());
-    cheat.record(HostSimd::Portable, &arena, 0, &mut Stream::default());
-    arena.read_u32(at);
-    assert_eq!(arena.host_reads_in_task(), if cfg!(debug_assertions) { 3 } else { 0 });
+    let words = arena.alloc(16);
+    // SAFETY: they run on one host thread, one after the other.
+    let step = unsafe { Step::independent("pairs", tasks, Pairs { words, add }) };
+    run_functional(&step, &mut arena, HostSimd::detect(), 1);
+    arena.read_u32(words)
+}
+
+#[test]
+#[cfg(debug_assertions)]
+#[should_panic(expected = "is written by task 0 and by task 1 of a step that is declared independent")]
+fn tasks_of_an_independent_step_that_write_one_word_are_caught() {
+    run_pairs(2, false);
+}
+
+#[test]
+fn tasks_of_an_independent_step_may_add_to_one_word() {
+    assert_eq!((run_pairs(1, false), run_pairs(2, true)), (1, 2));
+}
+
+#[test]
+#[should_panic(expected = "task 1 of step `pairs` is run twice")]
+fn a_task_runs_once() {
+    let mut arena = Arena::new();
+    let words = arena.alloc(16);
+    let step = Step::ordered("pairs", 2, Pairs { words, add: true });
+    let source = StepSource::new(&step, &mut arena, HostSimd::detect(), 1);
+    source.count(0..2, &mut OpCounts::default());
+    source.record(1, &mut Stream::default());
 }

@@ -5,8 +5,7 @@ use crate::arena::{Addr, Arena, CONSTANT_LINE, Line, STACK_BASE_LINE, STACK_LINE
 use crate::examples;
 use crate::host::HostSimd;
 use crate::kernel::{AnyKernel, Kernel};
-use crate::program::{MakeStep, Phase, Program};
-use crate::scan::{self, Scan};
+use crate::program::Program;
 use crate::stream::{Place, Stream, StreamLine};
 use crate::uop::{Class, Uop};
 use crate::vpu::Vpu;
@@ -137,9 +136,9 @@ fn recorded_programs_are_the_same_bytes_as_ever() {
         let mut hash = 1;
         for make_step in program.phases.iter().flat_map(|phase| &phase.steps) {
             let step = make_step(&mut program.state, &mut arena);
-            for task in 0..step.tasks {
+            for task in 0..step.tasks() {
                 stream.clear();
-                step.kernel.record(simd, &arena, task, &mut stream);
+                step.kernel().record(simd, &arena, task, &mut stream);
                 let lines = stream.lines.iter().map(|line| line.bits());
                 stream.uops.iter().copied().chain(lines).for_each(|word| mix(&mut hash, u64::from(word)));
                 mix(&mut hash, stream.lanes_active);
@@ -149,23 +148,13 @@ fn recorded_programs_are_the_same_bytes_as_ever() {
         }
         hash
     }
-    let scan = || {
-        let make_step = |_: &mut (), arena: &mut Arena| {
-            let words = arena.alloc(scan::padded(5000));
-            Scan::new(arena, words, 5000).blocks()
-        };
-        let steps: Vec<MakeStep<()>> = vec![make_step];
-        Program { state: (), phases: vec![Phase { id: "scan", title: "scan", in_paper_total: false, steps }] }
-    };
     for simd in levels() {
         let hashes = [
             hash(examples::saxpy(5001), simd),
             hash(examples::histogram(3000, 70), simd),
             hash(examples::transpose(48, 80), simd),
-            hash(scan(), simd),
         ];
-        let frozen =
-            [0x9976_ff4d_d553_7b9c, 0x1c87_3619_7292_6f36, 0x9f4e_59fd_47e8_3731, 0x05a5_cf7a_2e10_b832];
+        let frozen = [0x9976_ff4d_d553_7b9c, 0x1c87_3619_7292_6f36, 0x9f4e_59fd_47e8_3731];
         assert_eq!(hashes, frozen, "{simd}: {hashes:#x?}");
     }
 }

@@ -4,14 +4,18 @@
 //! table keeps what the atomics returned. `fill` then knows the place of everything and needs no atomics: lists that all
 //! tasks add to would otherwise wander between the cores at every primitive.
 
-use lrbsim_isa::scan::{self, Scan};
 use lrbsim_isa::{Addr, Arena, Compare, Vpu};
 
-/// Addresses of the lists of one step.
+use crate::expression::{int, scalar};
+use crate::scan::{self, Scan};
+
+/// Lists that the tasks of two steps fill: one that counts, one that writes.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Lists {
     /// First item of each list; one more than there are lists.
     pub starts: Addr,
+    /// The prefix sum of their lengths.
+    pub scan: Scan,
     /// Tables of the tasks: number of items so far, for each list that a task can add to.
     tables: Addr,
     /// Words of a table, whole vectors.
@@ -20,45 +24,49 @@ pub struct Lists {
 
 impl Lists {
     /// Room for `lists` lists and for the tables of `tasks` tasks, which add to at most `words` of them each, a multiple
-    /// of 16; and their scan.
-    pub fn new(arena: &mut Arena, lists: u32, tasks: u32, words: u32) -> (Lists, Scan) {
+    /// of 16.
+    pub fn new(arena: &mut Arena, lists: u32, tasks: u32, words: u32) -> Lists {
         let lists = u64::from(lists);
         let starts = arena.alloc(scan::padded(lists));
         let scan = Scan::new(arena, starts, lists);
-        (Lists { starts, tables: arena.alloc(u64::from(tasks) * u64::from(words)), words }, scan)
+        Lists { starts, scan, tables: arena.alloc(u64::from(tasks) * u64::from(words)), words }
+    }
+
+    /// Items of the first `lists` lists, once the lengths are summed.
+    pub fn items(&self, arena: &Arena, lists: u32) -> u32 {
+        arena.read_u32(self.starts.plus_words(u64::from(lists)))
     }
 
     /// First word of the table of a task.
     #[inline(always)]
     pub fn table<V: Vpu>(&self, v: &mut V, task: V::S32) -> V::S32 {
-        let words = v.s_imm(self.words as i32);
-        v.s_mul(task, words)
+        scalar!(v, task * { self.words as i32 })
     }
 
-    /// Adds an item to 16 lists, those of words `at..` of the task's table; the number of items before it.
+    /// Adds an item to those of 16 lists that are in `live`, at words `at..` of the task's table; how many items the task put
+    /// in each list before.
     #[inline(always)]
     pub fn add<V: Vpu>(&self, v: &mut V, live: V::Mask, at: V::S32) -> V::I32 {
         let one = v.vset_i32(1);
         let before = v.vload_i32(self.tables, at);
-        let after = v.viadd(before, one);
+        let after = int!(v, before + one);
         v.vstore_i32(live, self.tables, at, after);
         before
     }
 
-    /// Adds an item to 16 lists as [`Lists::add`], in `fill`; its place. `list`: the first of the lists.
+    /// Adds an item to those of 16 lists that are in `live`, when lists are filled; the place of the item in each. `at` as in
+    /// [`Lists::add`], `list` the number of the first list.
     #[inline(always)]
     pub fn place<V: Vpu>(&self, v: &mut V, live: V::Mask, at: V::S32, list: V::S32) -> V::I32 {
         let in_list = self.add(v, live, at);
         let start = v.vload_i32(self.starts, list);
-        v.viadd(start, in_list)
+        int!(v, start + in_list)
     }
 
     /// Adds the table that begins at `at` to the lengths of the lists from `list` on, and keeps in it how long they were.
     #[inline(always)]
     pub fn publish<V: Vpu>(&self, v: &mut V, at: V::S32, list: V::S32) {
-        let step = v.s_imm(16);
-        let words = v.s_imm(self.words as i32);
-        let end = v.s_add(at, words);
+        let end = scalar!(v, at + { self.words as i32 });
         let lane = v.viota();
         let none = v.vset_i32(0);
         let mut at = at;
@@ -68,12 +76,12 @@ impl Lists {
             let some = v.vicmp_neq(counts, none);
             if v.branch_any(some) {
                 let first = v.vsplat(list);
-                let lists = v.viadd(first, lane);
+                let lists = int!(v, first + lane);
                 let before = v.vatomic_add_or(none, some, self.starts, lists, counts);
                 v.vstore_i32(some, self.tables, at, before);
             }
-            at = v.s_add(at, step);
-            list = v.s_add(list, step);
+            at = scalar!(v, at + 16);
+            list = scalar!(v, list + 16);
         }
     }
 }

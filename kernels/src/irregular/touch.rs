@@ -5,10 +5,16 @@
 //! out would have got exactly 0 from the exact kernels. The slacks below cover rounding only; each is relative, or an
 //! angle on the image plane, so nothing depends on the scale of the scene.
 
-use lrbsim_isa::{Addr, Vpu, math};
+use lrbsim_isa::{Vpu, math};
 
-use super::layout::{CENTER_X, CENTER_Y, DEPTH, FACES, FaceGrid, HALF_X, HALF_Y, LightConstants, REACH};
+use super::faces::FaceGrid;
+use super::nodes::Node;
+use super::primitives::{EdgeRecord, LightConstants, TriangleRecord};
+use super::{FACES, FAR};
 use crate::columns::Columns;
+use crate::expression::each;
+use crate::field;
+use crate::record::{Field, Record};
 
 /// Rounding of a dot product of three terms, relative to the sum of their sizes, with a factor of four to spare.
 const DOT_SLACK: f32 = 1e-6;
@@ -27,30 +33,25 @@ const CLIP: f32 = 0.2;
 /// than the radius.
 const NEAR: f32 = 0.39;
 
-/// Farther than any receiver.
-const FAR: f32 = 1e30;
-
-/// A face's frame as constants of the code: where its coordinates stand in a record, and the sign of its depth.
+/// A face's frame as constants of the code: which coordinates are its x, y and depth, and the sign of the depth.
 #[derive(Clone, Copy)]
 pub struct FaceFrame {
-    words: [u64; 3],
+    axes: [usize; 3],
     sign: f32,
 }
 
 impl FaceFrame {
     /// The frame of a face.
     pub fn new(grid: &FaceGrid) -> FaceFrame {
-        let axis = u64::from(grid.face / 2);
+        let axis = grid.face as usize / 2;
         let sign = if grid.face.is_multiple_of(2) { 1.0 } else { -1.0 };
-        FaceFrame { words: [(axis + 1) % 3, (axis + 2) % 3, axis], sign }
+        FaceFrame { axes: [(axis + 1) % 3, (axis + 2) % 3, axis], sign }
     }
 
-    /// Three words of a record in this frame, each in every lane.
+    /// A vector of a record in this frame, each component in every lane.
     #[inline(always)]
-    fn load<V: Vpu>(&self, v: &mut V, records: Addr, index: V::S32) -> [V::F32; 3] {
-        let x = v.vbroadcast_f32(records.plus(4 * self.words[0]), index);
-        let y = v.vbroadcast_f32(records.plus(4 * self.words[1]), index);
-        let z = v.vbroadcast_f32(records.plus(4 * self.words[2]), index);
+    fn load<V: Vpu, R>(&self, v: &mut V, record: Record<V, R>, field: Field<R, [f32; 3]>) -> [V::F32; 3] {
+        let [x, y, z] = each!(i in [0, 1, 2] => record.float(v, field.at(self.axes[i])));
         if self.sign > 0.0 {
             return [x, y, z];
         }
@@ -80,18 +81,17 @@ impl<V: Vpu> Form<V> {
         Form { a: n[0], b: n[1], c, size_a: size[0], size_b: size[1] }
     }
 
-    /// The plane through the light and edge `e` of the triangle at `records`, its inside positive.
+    /// The plane through the light and edge `edge` of `triangle`, its inside positive.
     #[inline(always)]
     fn inward(
         v: &mut V,
         frame: FaceFrame,
-        records: Addr,
-        index: V::S32,
-        e: u64,
+        triangle: Record<V, TriangleRecord>,
+        edge: usize,
         sign_bit: V::I32,
     ) -> Form<V> {
-        let n = frame.load(v, records.plus(12 * e), index);
-        let flag = v.vbroadcast_i32(records.plus(52 + 4 * e), index);
+        let n = frame.load(v, triangle, field!(TriangleRecord.edge_normals[edge]));
+        let flag = triangle.int(v, field!(TriangleRecord.flags[edge]));
         let flip = v.vand(flag, sign_bit);
         let n = [flipped(v, n[0], flip), flipped(v, n[1], flip), flipped(v, n[2], flip)];
         Form::new(v, n)
@@ -126,23 +126,26 @@ struct Rectangles<V: Vpu> {
 
 impl<V: Vpu> Rectangles<V> {
     #[inline(always)]
-    fn load(v: &mut V, nodes: Columns, at: V::S32) -> Rectangles<V> {
+    fn load(v: &mut V, nodes: Columns<Node>, at: V::S32) -> Rectangles<V> {
+        let mut load = |field| v.vload_f32(nodes.column(field), at);
         Rectangles {
-            x: v.vload_f32(nodes.column(CENTER_X), at),
-            y: v.vload_f32(nodes.column(CENTER_Y), at),
-            half_x: v.vload_f32(nodes.column(HALF_X), at),
-            half_y: v.vload_f32(nodes.column(HALF_Y), at),
-            depth: v.vload_f32(nodes.column(DEPTH), at),
+            x: load(field!(Node.center[0])),
+            y: load(field!(Node.center[1])),
+            half_x: load(field!(Node.half[0])),
+            half_y: load(field!(Node.half[1])),
+            depth: load(field!(Node.depth)),
         }
     }
 }
 
 /// Which of 16 rectangles a primitive touches, and the least depth of a receiver there that it can shadow.
 pub trait Touch<V: Vpu> {
-    /// The primitive of record `index` (in words) in a face's frame.
-    fn set_up(v: &mut V, light: &LightConstants, frame: FaceFrame, records: Addr, index: V::S32) -> Self;
+    /// The record that it is set up from.
+    type Record;
+    /// The primitive of `record` in a face's frame.
+    fn set_up(v: &mut V, light: &LightConstants, frame: FaceFrame, record: Record<V, Self::Record>) -> Self;
     /// Tests nodes `at..at + 16`.
-    fn touch(&self, v: &mut V, nodes: Columns, at: V::S32) -> (V::Mask, V::F32);
+    fn touch(&self, v: &mut V, nodes: Columns<Node>, at: V::S32) -> (V::Mask, V::F32);
 }
 
 /// A triangle in a face's frame: its three edge planes, turned inward, and its own plane.
@@ -153,22 +156,20 @@ pub struct Triangle<V: Vpu> {
 }
 
 impl<V: Vpu> Touch<V> for Triangle<V> {
+    type Record = TriangleRecord;
+
     #[inline(always)]
-    fn set_up(v: &mut V, _: &LightConstants, frame: FaceFrame, records: Addr, index: V::S32) -> Self {
+    fn set_up(v: &mut V, _: &LightConstants, frame: FaceFrame, triangle: Record<V, TriangleRecord>) -> Self {
         let sign_bit = v.vset_i32(i32::MIN);
-        let edges = [
-            Form::inward(v, frame, records, index, 0, sign_bit),
-            Form::inward(v, frame, records, index, 1, sign_bit),
-            Form::inward(v, frame, records, index, 2, sign_bit),
-        ];
-        let normal = frame.load(v, records.plus(36), index);
+        let edges = each!(edge in [0, 1, 2] => Form::inward(v, frame, triangle, edge, sign_bit));
+        let normal = frame.load(v, triangle, field!(TriangleRecord.normal));
         let plane = Form::new(v, normal);
-        let distance = v.vbroadcast_f32(records.plus(48), index);
+        let distance = triangle.float(v, field!(TriangleRecord.plane));
         Triangle { edges, plane, distance }
     }
 
     #[inline(always)]
-    fn touch(&self, v: &mut V, nodes: Columns, at: V::S32) -> (V::Mask, V::F32) {
+    fn touch(&self, v: &mut V, nodes: Columns<Node>, at: V::S32) -> (V::Mask, V::F32) {
         let rectangles = Rectangles::load(v, nodes, at);
         let zero = v.vset_f32(0.0);
         // Some point inside each edge plane.
@@ -210,13 +211,15 @@ pub struct Edge<V: Vpu> {
 }
 
 impl<V: Vpu> Touch<V> for Edge<V> {
+    type Record = EdgeRecord;
+
     #[inline(always)]
-    fn set_up(v: &mut V, light: &LightConstants, frame: FaceFrame, records: Addr, index: V::S32) -> Self {
+    fn set_up(v: &mut V, light: &LightConstants, frame: FaceFrame, record: Record<V, EdgeRecord>) -> Self {
         let zero = v.vset_f32(0.0);
         let one = v.vset_f32(1.0);
-        let mut a = frame.load(v, records, index);
-        let mut b = frame.load(v, records.plus(12), index);
-        let least = v.vbroadcast_f32(records.plus(44), index);
+        let mut a = frame.load(v, record, field!(EdgeRecord.ends[0]));
+        let mut b = frame.load(v, record, field!(EdgeRecord.ends[1]));
+        let least = record.float(v, field!(EdgeRecord.nearest));
         let radius = v.vset_f32(light.bound_radius);
         let near = v.vset_f32(NEAR);
         let bound = v.vmul(near, least);
@@ -273,9 +276,9 @@ impl<V: Vpu> Touch<V> for Edge<V> {
     }
 
     #[inline(always)]
-    fn touch(&self, v: &mut V, nodes: Columns, at: V::S32) -> (V::Mask, V::F32) {
+    fn touch(&self, v: &mut V, nodes: Columns<Node>, at: V::S32) -> (V::Mask, V::F32) {
         let rectangles = Rectangles::load(v, nodes, at);
-        let reach = v.vload_f32(nodes.column(REACH), at);
+        let reach = v.vload_f32(nodes.column(field!(Node.reach)), at);
         let zero = v.vset_f32(0.0);
         let slack = v.vset_f32(IMAGE_SLACK);
 

@@ -8,12 +8,13 @@
 //!
 //! Sums are exclusive: word `i` becomes the sum of the words before it, and the word after the last holds the total.
 
-use crate::arena::{Addr, Arena};
-use crate::kernel::Kernel;
-use crate::program::{Ordering, Step};
-use crate::vpu::{Compare, Vpu};
+#![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
 
-/// Words in a block.
+use lrbsim_isa::{Addr, Arena, Compare, Kernel, Step, Vpu};
+
+use crate::expression::{int, scalar};
+
+/// Number of words of a block.
 const BLOCK: u32 = 1024;
 
 /// An array to be scanned in place, and the totals of its blocks.
@@ -38,33 +39,32 @@ impl Scan {
 
     /// Step 1: scans each block.
     pub fn blocks(self) -> Step {
-        Step {
-            name: "scan blocks",
-            ordering: Ordering::Independent,
-            tasks: self.blocks,
-            kernel: Box::new(ScanBlock { words: self.words, totals: self.totals, count: BLOCK }),
+        // SAFETY: each task writes the words of its own block and its own total.
+        unsafe {
+            Step::independent(
+                "scan blocks",
+                self.blocks,
+                ScanBlock { words: self.words, totals: self.totals, count: BLOCK },
+            )
         }
     }
 
     /// Step 2: scans the totals.
     pub fn totals(self) -> Step {
         let count = self.blocks.next_multiple_of(16);
-        let after = self.totals.plus(4 * u64::from(count));
-        Step {
-            name: "scan totals",
-            ordering: Ordering::Independent,
-            tasks: 1,
-            kernel: Box::new(ScanBlock { words: self.totals, totals: after, count }),
-        }
+        let after = self.totals.plus_words(u64::from(count));
+        Step::ordered("scan totals", 1, ScanBlock { words: self.totals, totals: after, count })
     }
 
     /// Step 3: adds the totals of earlier blocks.
     pub fn offsets(self) -> Step {
-        Step {
-            name: "scan offsets",
-            ordering: Ordering::Independent,
-            tasks: self.blocks,
-            kernel: Box::new(AddOffset { words: self.words, totals: self.totals }),
+        // SAFETY: each task writes the words of its own block; totals are only read.
+        unsafe {
+            Step::independent(
+                "scan offsets",
+                self.blocks,
+                AddOffset { words: self.words, totals: self.totals },
+            )
         }
     }
 }
@@ -79,10 +79,8 @@ struct ScanBlock {
 impl Kernel for ScanBlock {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
-        let count = v.s_imm(self.count as i32);
-        let step = v.s_imm(16);
-        let start = v.s_mul(task, count);
-        let end = v.s_add(start, count);
+        let start = scalar!(v, task * { self.count as i32 });
+        let end = scalar!(v, start + { self.count as i32 });
         let all = v.mask_all();
         let zero = v.vset_i32(0);
         let lane = v.viota();
@@ -96,11 +94,11 @@ impl Kernel for ScanBlock {
             let sums = add_from(v, sums, lane, 2, zero);
             let sums = add_from(v, sums, lane, 4, zero);
             let sums = add_from(v, sums, lane, 8, zero);
-            let inclusive = v.viadd(sums, carry);
-            let exclusive = v.visub(inclusive, words);
+            let inclusive = int!(v, sums + carry);
+            let exclusive = int!(v, inclusive - words);
             v.vstore_i32(all, self.words, i, exclusive);
             carry = v.vpermute(inclusive, last);
-            i = v.s_add(i, step);
+            i = scalar!(v, i + 16);
         }
         let total = v.vextract(carry, 0);
         v.s_store(self.totals, task, total);
@@ -111,7 +109,7 @@ impl Kernel for ScanBlock {
 #[inline(always)]
 fn add_from<V: Vpu>(v: &mut V, sums: V::I32, lane: V::I32, distance: i32, zero: V::I32) -> V::I32 {
     let distance = v.vset_i32(distance);
-    let from = v.visub(lane, distance);
+    let from = int!(v, lane - distance);
     let has = v.vicmp_ge(from, zero);
     let moved = v.vpermute(sums, from);
     v.viadd_or(sums, has, sums, moved)
@@ -126,18 +124,16 @@ struct AddOffset {
 impl Kernel for AddOffset {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
-        let count = v.s_imm(BLOCK as i32);
-        let step = v.s_imm(16);
-        let start = v.s_mul(task, count);
-        let end = v.s_add(start, count);
+        let start = scalar!(v, task * { BLOCK as i32 });
+        let end = scalar!(v, start + { BLOCK as i32 });
         let all = v.mask_all();
         let offset = v.vbroadcast_i32(self.totals, task);
         let mut i = start;
         while v.branch(Compare::Less, i, end) {
             let words = v.vload_i32(self.words, i);
-            let words = v.viadd(words, offset);
+            let words = int!(v, words + offset);
             v.vstore_i32(all, self.words, i, words);
-            i = v.s_add(i, step);
+            i = scalar!(v, i + 16);
         }
     }
 }
@@ -145,7 +141,7 @@ impl Kernel for AddOffset {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::host::{HostSimd, run_functional};
+    use lrbsim_isa::{HostSimd, run_functional};
 
     #[test]
     fn a_scan_equals_the_running_sum() {
@@ -156,14 +152,14 @@ mod tests {
             arena.write_u32s(words, &values);
             let scan = Scan::new(&mut arena, words, count);
             for step in [scan.blocks(), scan.totals(), scan.offsets()] {
-                run_functional(&step, &arena, HostSimd::detect(), 2);
+                run_functional(&step, &mut arena, HostSimd::detect(), 2);
             }
             let mut sum = 0;
             for (i, value) in values.iter().enumerate() {
-                assert_eq!(arena.read_u32(words.plus(4 * i as u64)), sum, "word {i} of {count}");
+                assert_eq!(arena.read_u32(words.plus_words(i as u64)), sum, "word {i} of {count}");
                 sum += value;
             }
-            assert_eq!(arena.read_u32(words.plus(4 * count)), sum, "total of {count}");
+            assert_eq!(arena.read_u32(words.plus_words(count)), sum, "total of {count}");
         }
     }
 }

@@ -1,0 +1,158 @@
+//! Binning: triangles and silhouette edges to the bins that hold receivers they can shadow, count → scan → fill.
+//!
+//! Descends the hierarchy 16 at a time: the groups of a face, then the bins of each group that is touched.
+
+#![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
+
+use lrbsim_isa::{Addr, Arena, Compare, Kernel, Step, Vpu};
+
+use super::CHILDREN;
+use super::grid::Grid;
+use super::lists::Lists;
+use super::primitives::{BACK, EdgeRecord, FACES_SHIFT, FRONT, Kind, Primitives, TriangleRecord};
+use super::touch::{Edge, FaceFrame, Touch, Triangle};
+use crate::columns::{lanes_below, take_lane, task_range};
+use crate::expression::scalar;
+use crate::field;
+use crate::record::Record;
+
+/// Number of triangles or edges that a task handles.
+const TASK: u32 = 64;
+
+/// The primitives of each bin; filled by the phase `bin`.
+#[derive(Clone, Copy, Default)]
+pub struct Bins {
+    /// Lists of the bins by [`Kind`].
+    pub lists: Lists,
+    /// The numbers of primitives in these lists.
+    pub(super) items: Addr,
+}
+
+/// Counts the primitives that each bin gets.
+pub fn count(bins: &mut Bins, primitives: &Primitives, grid: &Grid, arena: &mut Arena) -> Step {
+    let tasks = task_counts(primitives).iter().sum();
+    let bin_count = grid.faces.bin_count;
+    bins.lists = Lists::new(arena, 2 * bin_count, tasks, bin_count);
+    Step::ordered("bin counts", tasks, Bin::new(bins, primitives, grid, false))
+}
+
+/// Writes the primitives of each bin.
+pub fn fill(bins: &mut Bins, primitives: &Primitives, grid: &Grid, arena: &mut Arena) -> Step {
+    let items = bins.lists.items(arena, 2 * grid.faces.bin_count);
+    bins.items = arena.alloc(u64::from(items));
+    let tasks = task_counts(primitives).iter().sum();
+    // SAFETY: each task writes its own table, and items to places that it has taken in `count`.
+    unsafe { Step::independent("bin lists", tasks, Bin::new(bins, primitives, grid, true)) }
+}
+
+/// Tasks of the triangles and of the edges. A point light has no silhouettes.
+fn task_counts(primitives: &Primitives) -> [u32; 2] {
+    [primitives.triangle_count.div_ceil(TASK), primitives.edge_count.div_ceil(TASK)]
+}
+
+struct Bin {
+    bins: Bins,
+    primitives: Primitives,
+    grid: Grid,
+    fill: bool,
+}
+
+impl Kernel for Bin {
+    #[inline(always)]
+    fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
+        let primitives = &self.primitives;
+        let triangle_tasks = v.s_imm(task_counts(primitives)[Kind::Triangles as usize] as i32);
+        let table = self.bins.lists.table(v, task);
+        let kind = if v.branch(Compare::Less, task, triangle_tasks) {
+            let (mut i, end) = task_range(v, task, TASK, primitives.triangle_count);
+            let none = v.s_imm(0);
+            while v.branch(Compare::Less, i, end) {
+                let triangle = primitives.triangles.record(v, i);
+                let flags = triangle.scalar(v, field!(TriangleRecord.flags[0]));
+                let layers = scalar!(v, flags & { FRONT | BACK });
+                if v.branch(Compare::NotEqual, layers, none) {
+                    let faces = scalar!(v, flags >> { FACES_SHIFT });
+                    self.descend::<V, Triangle<V>>(v, triangle, faces, i, table, Kind::Triangles);
+                }
+                i = scalar!(v, i + 1);
+            }
+            Kind::Triangles
+        } else {
+            let task = scalar!(v, task - triangle_tasks);
+            let (mut i, end) = task_range(v, task, TASK, primitives.edge_count);
+            while v.branch(Compare::Less, i, end) {
+                let edge = primitives.edges.record(v, i);
+                let faces = edge.scalar(v, field!(EdgeRecord.faces));
+                self.descend::<V, Edge<V>>(v, edge, faces, i, table, Kind::Edges);
+                i = scalar!(v, i + 1);
+            }
+            Kind::Edges
+        };
+        if !self.fill {
+            let first_list = self.first_list(v, kind);
+            self.bins.lists.publish(v, table, first_list);
+        }
+    }
+}
+
+impl Bin {
+    fn new(bins: &Bins, primitives: &Primitives, grid: &Grid, fill: bool) -> Bin {
+        Bin { bins: *bins, primitives: *primitives, grid: *grid, fill }
+    }
+
+    /// The list of bin 0 for primitives of `kind`.
+    #[inline(always)]
+    fn first_list<V: Vpu>(&self, v: &mut V, kind: Kind) -> V::S32 {
+        v.s_imm(kind.first_list(self.grid.faces.bin_count) as i32)
+    }
+
+    /// Adds primitive `number`, whose record is given, to the bins of `faces` (a bit each) that it touches. The task's table
+    /// begins at `table`.
+    #[inline(always)]
+    fn descend<V: Vpu, P: Touch<V>>(
+        &self,
+        v: &mut V,
+        record: Record<V, P::Record>,
+        faces: V::S32,
+        number: V::S32,
+        table: V::S32,
+        kind: Kind,
+    ) {
+        let lists = &self.bins.lists;
+        let nodes = &self.grid.nodes;
+        let none = v.s_imm(0);
+        for grid in self.grid.faces.grids() {
+            let here = scalar!(v, faces & { 1 << grid.face });
+            if v.branch(Compare::Equal, here, none) {
+                continue;
+            }
+            let primitive = P::set_up(v, &self.primitives.light, FaceFrame::new(grid), record);
+            let mut group = v.s_imm((grid.first_bin / CHILDREN) as i32);
+            let end = v.s_imm(((grid.first_bin + grid.bins_padded()) / CHILDREN) as i32);
+            while v.branch(Compare::Less, group, end) {
+                let (touched, _) = primitive.touch(v, nodes.groups, group);
+                let own = lanes_below(v, group, end);
+                let touched = v.kand(touched, own);
+                let mut groups = v.kmov_to_scalar(touched);
+                while v.branch(Compare::NotEqual, groups, none) {
+                    let lane = take_lane(v, &mut groups);
+                    let first_bin = scalar!(v, (group + lane) << 4);
+                    let (touched, _) = primitive.touch(v, nodes.bins, first_bin);
+                    if v.branch_any(touched) {
+                        let at = scalar!(v, table + first_bin);
+                        if self.fill {
+                            let first_list = self.first_list(v, kind);
+                            let list = scalar!(v, first_list + first_bin);
+                            let to = lists.place(v, touched, at, list);
+                            let number = v.vsplat(number);
+                            v.vscatter_i32(touched, self.bins.items, to, number);
+                        } else {
+                            lists.add(v, touched, at);
+                        }
+                    }
+                }
+                group = scalar!(v, group + 16);
+            }
+        }
+    }
+}

@@ -1,0 +1,204 @@
+//! Bounds of the receivers on the image plane of each face: of each task's receivers, then of all.
+
+#![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
+
+use lrbsim_isa::{Addr, Arena, Compare, Kernel, Step, Vpu, math};
+
+use super::faces::{Constants, load_positions, project};
+use super::grid::Grid;
+use super::receivers::Receivers;
+use super::{FACES, FAR};
+use crate::columns::{lanes_below, task_range};
+use crate::expression::scalar;
+use crate::field;
+use crate::record::{Records, words};
+
+/// Number of bounds of a face: least x, -x, y, -y, depth, -depth on its image plane. Maxima are negated, so that one minimum
+/// serves all.
+const BOUNDS: usize = 6;
+
+/// Bounds of some receivers on one face: one line.
+#[repr(C, align(64))]
+pub(super) struct FaceBounds {
+    /// Least x, -x, y, -y, depth, -depth.
+    least: [f32; BOUNDS],
+    /// Number of receivers; where it is 0 there are no bounds.
+    count: u32,
+}
+
+/// Bounds of 16 receivers a face, lane by lane: where a task works.
+#[repr(C)]
+struct LaneBounds {
+    least: [[[f32; 16]; BOUNDS]; FACES as usize],
+}
+
+/// Line bounds of faces that a task of `face bounds` asks for ahead.
+const AHEAD: u64 = 8;
+
+/// Bounds of the receivers.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Bounds {
+    /// Lane by lane, by task.
+    of_lanes: Records<LaneBounds>,
+    /// By face and task.
+    of_tasks: Records<FaceBounds>,
+    /// By face.
+    of_faces: Records<FaceBounds>,
+}
+
+/// What the host reads of a face's bounds.
+pub(super) struct Extent {
+    /// Number of receivers.
+    pub(super) count: u32,
+    /// Least x, y and depth.
+    pub(super) low: [f32; 3],
+    /// Greatest x, y and depth.
+    pub(super) high: [f32; 3],
+}
+
+impl Bounds {
+    /// The bounds of all receivers of `face`; `None` if it sees none.
+    pub(super) fn read(&self, arena: &Arena, face: u32) -> Option<Extent> {
+        let count = arena.read_u32(self.of_faces.host(face, field!(FaceBounds.count)));
+        let least = |bound: usize| arena.read_f32(self.of_faces.host(face, field!(FaceBounds.least[bound])));
+        (count > 0).then(|| Extent {
+            count,
+            low: [least(0), least(2), least(4)],
+            high: [-least(1), -least(3), -least(5)],
+        })
+    }
+
+    /// Where the bounds of `face` by task begin.
+    #[inline(always)]
+    fn of_tasks(&self, face: usize, tasks: u32) -> Addr {
+        self.of_tasks.host(face as u32 * tasks, field!(FaceBounds.least))
+    }
+}
+
+/// Bounds of the receivers of each task, by face.
+pub fn of_tasks(grid: &mut Grid, arena: &mut Arena) -> Step {
+    let tasks = grid.receivers.tasks();
+    grid.bounds = Bounds {
+        of_lanes: Records::new(arena, u64::from(tasks)),
+        of_tasks: Records::new(arena, u64::from(FACES * tasks)),
+        of_faces: Records::new(arena, u64::from(FACES)),
+    };
+    // SAFETY: each task writes its own table of lanes and, of each face, its own line.
+    unsafe {
+        Step::independent(
+            "receiver bounds",
+            tasks,
+            TaskBounds { receivers: grid.receivers, bounds: grid.bounds },
+        )
+    }
+}
+
+/// Bounds of all receivers, by face.
+pub fn of_faces(grid: &Grid) -> Step {
+    // SAFETY: each task writes the line of its own face, and reads the bounds of tasks only.
+    unsafe {
+        Step::independent(
+            "face bounds",
+            FACES,
+            AllBounds { tasks: grid.receivers.tasks(), bounds: grid.bounds },
+        )
+    }
+}
+
+struct TaskBounds {
+    receivers: Receivers,
+    bounds: Bounds,
+}
+
+impl Kernel for TaskBounds {
+    #[inline(always)]
+    fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
+        let bounds = &self.bounds;
+        let (mut i, end) = task_range(v, task, Receivers::TASK, self.receivers.count);
+        let table = scalar!(v, task * { words::<LaneBounds>() as i32 });
+        let all = v.mask_all();
+        let constants = Constants::new(v);
+        let zero = constants.zero;
+        let far = v.vset_f32(FAR);
+        let none = v.s_imm(0);
+        let mut counts = [none; FACES as usize];
+        let of_lanes =
+            |face: usize, bound: usize| bounds.of_lanes.field(field!(LaneBounds.least[face][bound]));
+        while v.branch(Compare::Less, i, end) {
+            let live = lanes_below(v, i, end);
+            let p = load_positions(v, &constants, self.receivers.columns, live, i);
+            let (face, x, y, depth) = project(v, &constants, p);
+            let minus = [v.vsub(zero, x), v.vsub(zero, y), v.vsub(zero, depth)];
+            let values = [x, minus[0], y, minus[1], depth, minus[2]];
+            for (f, count) in counts.iter_mut().enumerate() {
+                let here = v.vicmp_eq_masked(live, face, constants.whole[f]);
+                if !v.branch_any(here) {
+                    continue;
+                }
+                // The table holds nothing before its first receivers: faces that are not seen cost nothing.
+                let is_new = v.branch(Compare::Equal, *count, none);
+                for (bound, value) in values.into_iter().enumerate() {
+                    let at = of_lanes(f, bound);
+                    let least = if is_new { far } else { v.vload_f32(at, table) };
+                    let least = v.vmin_or(least, here, least, value);
+                    v.vstore_f32(all, at, table, least);
+                }
+                let bits = v.kmov_to_scalar(here);
+                let more = v.s_popcnt(bits);
+                let before = *count;
+                *count = scalar!(v, before + more);
+            }
+            i = scalar!(v, i + 16);
+        }
+
+        // The least of 16 lanes, one line a face.
+        let to = scalar!(v, task * { words::<FaceBounds>() as i32 });
+        for (f, count) in counts.into_iter().enumerate() {
+            if !v.branch(Compare::Less, none, count) {
+                continue;
+            }
+            let of_task = bounds.of_tasks(f, self.receivers.tasks());
+            for bound in 0..BOUNDS {
+                let least = v.vload_f32(of_lanes(f, bound), table);
+                let least = math::reduce_min(v, least);
+                let bit = v.s_imm(1 << bound);
+                let lane = v.kmov_from_scalar(bit);
+                v.vstore_f32(lane, of_task, to, least);
+            }
+            v.s_store(of_task.plus(field!(FaceBounds.count).offset_bytes()), to, count);
+        }
+    }
+}
+
+struct AllBounds {
+    tasks: u32,
+    bounds: Bounds,
+}
+
+impl Kernel for AllBounds {
+    #[inline(always)]
+    fn run<V: Vpu>(&self, v: &mut V, face: V::S32) {
+        let line = words::<FaceBounds>() as i32;
+        let of_tasks = self.bounds.of_tasks;
+        let none = v.s_imm(0);
+        let all = v.mask_all();
+        let mut i = scalar!(v, face * { line * self.tasks as i32 });
+        let end = scalar!(v, i + { line * self.tasks as i32 });
+        let mut least = v.vset_f32(FAR);
+        let mut count = none;
+        while v.branch(Compare::Less, i, end) {
+            v.prefetch_l1(of_tasks.field(field!(FaceBounds.least)).plus_lines(AHEAD), i);
+            let more = v.s_load(of_tasks.field(field!(FaceBounds.count)), i);
+            if v.branch(Compare::Less, none, more) {
+                let other = v.vload_f32(of_tasks.field(field!(FaceBounds.least)), i);
+                least = v.vmin(least, other);
+                count = scalar!(v, count + more);
+            }
+            i = scalar!(v, i + { line });
+        }
+        let of_faces = self.bounds.of_faces;
+        let to = scalar!(v, face * { line });
+        v.vstore_f32(all, of_faces.field(field!(FaceBounds.least)), to, least);
+        v.s_store(of_faces.field(field!(FaceBounds.count)), to, count);
+    }
+}

@@ -1,0 +1,308 @@
+//! The hierarchy over the samples: rectangle and greatest depth of every cell, block, bin and group.
+
+#![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
+
+use lrbsim_isa::{Arena, Compare, Kernel, Step, Vpu, math};
+
+use super::faces::{BinPlace, FaceParameters, Faces};
+use super::grid::{Grid, Sample};
+use super::{CHILDREN, FAR};
+use crate::columns::{Columns, lanes_below, task_range};
+use crate::expression::{each, int, scalar};
+use crate::field;
+use crate::record::Field;
+
+/// A rectangle of a face's image plane and what it holds: a cell, a block, a bin or a group.
+#[repr(C)]
+pub struct Node {
+    /// The middle of the rectangle on the image plane.
+    pub center: [f32; 2],
+    /// Half of the width and of the height of the rectangle.
+    pub half: [f32; 2],
+    /// Greatest depth of a receiver inside; 0 where there is none.
+    pub depth: f32,
+    /// Greatest distance from the light of a point of the rectangle on the image plane.
+    pub reach: f32,
+}
+
+/// The hierarchy over the samples: 16 children follow one another, those of parent `i` from `16 i` on.
+#[derive(Clone, Copy, Default)]
+pub struct Nodes {
+    /// Cells of all bins.
+    pub cells: Columns<Node>,
+    /// Blocks of 16 cells.
+    pub blocks: Columns<Node>,
+    /// Bins of 16 blocks.
+    pub bins: Columns<Node>,
+    /// Groups of 16 bins.
+    pub groups: Columns<Node>,
+}
+
+/// Blocks of a task of `cell depths`: a line of a bin's blocks.
+const BLOCKS: u32 = 4;
+
+/// Vectors of samples that `cell depths` asks for ahead: it does little with each.
+const AHEAD: u64 = 4;
+
+/// Rectangles and depths of the cells, from the samples.
+pub fn cells(grid: &mut Grid, arena: &mut Arena) -> Step {
+    let faces = &grid.faces;
+    grid.nodes = Nodes {
+        cells: Columns::new(arena, faces.cell_count()),
+        blocks: Columns::new(arena, faces.block_count()),
+        bins: Columns::new(arena, faces.bin_count),
+        groups: Columns::new(arena, (faces.bin_count / CHILDREN).next_multiple_of(16) + 16),
+    };
+    // SAFETY: each task writes the cells of its own blocks.
+    unsafe { Step::independent("cell depths", grid.faces.block_count() / BLOCKS, Cells { grid: *grid }) }
+}
+
+/// Rectangles and depths of blocks and bins, from the cells.
+pub fn bins(grid: &Grid) -> Step {
+    // SAFETY: each task writes its own bin and the blocks of that.
+    unsafe {
+        Step::independent("bin depths", grid.faces.bin_count, Bins { faces: grid.faces, nodes: grid.nodes })
+    }
+}
+
+/// Rectangles and depths of the groups, from the bins.
+pub fn groups(grid: &Grid) -> Step {
+    // SAFETY: each task writes its own group.
+    unsafe {
+        Step::independent("group depths", grid.faces.bin_count / CHILDREN, Groups { nodes: grid.nodes })
+    }
+}
+
+/// Where a bin lies on the image plane.
+struct Place<V: Vpu> {
+    low: [V::F32; 2],
+    cell: [V::F32; 2],
+    block: [V::F32; 2],
+    /// Columns and lines of 16 children in 4 lines, their centers: 0.5 to 3.5.
+    child: [V::F32; 2],
+}
+
+impl<V: Vpu> Place<V> {
+    #[inline(always)]
+    fn load(v: &mut V, faces: &Faces, bin: V::S32, face: V::S32) -> Place<V> {
+        let four = v.vset_f32(4.0);
+        let low =
+            each!(i in [0, 1] => v.vbroadcast_f32(faces.bin_places.column(field!(BinPlace.low[i])), bin));
+        let per_cell = each!(i in [0, 1] => {
+            v.vbroadcast_f32(faces.parameters.column(field!(FaceParameters.per_cell[i])), face)
+        });
+        let cell = [v.vrcp(per_cell[0]), v.vrcp(per_cell[1])];
+        let block = [v.vmul(cell[0], four), v.vmul(cell[1], four)];
+        let lane = v.viota();
+        let two = v.vset_i32(2);
+        let three = v.vset_i32(3);
+        let half = v.vset_f32(0.5);
+        let column = int!(v, lane & three);
+        let line = int!(v, lane >> two);
+        let column = v.vcvt_i32_f32(column);
+        let line = v.vcvt_i32_f32(line);
+        let child = [v.vadd(column, half), v.vadd(line, half)];
+        Place { low, cell, block, child }
+    }
+}
+
+/// The bits of -0, less as integers than those of any depth; of negative depths the larger number is the deeper one.
+const SHALLOWEST: i32 = i32::MIN;
+
+struct Cells {
+    grid: Grid,
+}
+
+impl Kernel for Cells {
+    #[inline(always)]
+    fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
+        let grid = &self.grid;
+        let (mut block, end) = task_range(v, task, BLOCKS, grid.faces.block_count());
+        let first_key = scalar!(v, block << 6);
+        let end_key = scalar!(v, end << 6);
+        let samples_first = v.s_load(grid.key_starts, first_key);
+        let samples_end = v.s_load(grid.key_starts, end_key);
+        // Memory holds 0 where there is nothing: no depth.
+        if v.branch(Compare::Equal, samples_first, samples_end) {
+            return;
+        }
+
+        // The bin's face: which coordinate is its depth.
+        let bin = scalar!(v, block >> 4);
+        let face = v.s_load(grid.faces.bin_places.column(field!(BinPlace.face)), bin);
+        let depths = grid.depths_of_face(v, face);
+        let place = Place::load(v, &grid.faces, bin, face);
+        let in_block = each!(axis in [0, 1] => v.vmul(place.child[axis], place.cell[axis]));
+        let two = v.vset_i32(2);
+        let three = v.vset_i32(3);
+        let all = v.mask_all();
+        while v.branch(Compare::Less, block, end) {
+            let depth = self.cell_depths(v, block, depths);
+            let number = scalar!(v, block & 15);
+            let number = v.vsplat(number);
+            let corner = [int!(v, number & three), int!(v, number >> two)];
+            let mut center = |axis: usize| {
+                let corner = v.vcvt_i32_f32(corner[axis]);
+                let corner = v.vmadd(corner, place.block[axis], place.low[axis]);
+                v.vadd(corner, in_block[axis])
+            };
+            let center = [center(0), center(1)];
+            let first_cell = scalar!(v, block << 4);
+            store_nodes(v, all, grid.nodes.cells, first_cell, center, place.cell, depth);
+            block = scalar!(v, block + 1);
+        }
+    }
+}
+
+impl Cells {
+    /// Greatest depth in each of the 16 cells of a block; the depths of samples begin `depths` words after their positions.
+    #[inline(always)]
+    fn cell_depths<V: Vpu>(&self, v: &mut V, block: V::S32, depths: V::S32) -> V::F32 {
+        let grid = &self.grid;
+        let column = grid.samples.column(field!(Sample.position));
+        let first_key = scalar!(v, block << 6);
+        let shallowest = v.vset_i32(SHALLOWEST);
+        let mut depth = v.vset_f32(0.0);
+        let sample = v.s_load(grid.cell_starts(0), first_key);
+        let mut sample = scalar!(v, sample + depths);
+        for cell in 0..CHILDREN {
+            let end = v.s_load(grid.cell_starts(cell + 1), first_key);
+            let end = scalar!(v, end + depths);
+            if !v.branch(Compare::Less, sample, end) {
+                continue;
+            }
+            let mut deepest = shallowest;
+            while v.branch(Compare::Less, sample, end) {
+                let live = lanes_below(v, sample, end);
+                v.prefetch_l1(column.plus_lines(AHEAD), sample);
+                let z = v.vload_i32_or(shallowest, live, column, sample);
+                deepest = v.vimax(deepest, z);
+                sample = scalar!(v, sample + 16);
+            }
+            sample = end;
+            let deepest = v.from_bits(deepest);
+            let deepest = v.vabs(deepest);
+            let deepest = math::reduce_max(v, deepest);
+            let lane = v.s_imm(1 << cell);
+            let here = v.kmov_from_scalar(lane);
+            depth = v.vblend_f32(here, deepest, depth);
+        }
+        depth
+    }
+}
+
+struct Bins {
+    faces: Faces,
+    nodes: Nodes,
+}
+
+impl Kernel for Bins {
+    #[inline(always)]
+    fn run<V: Vpu>(&self, v: &mut V, bin: V::S32) {
+        let nodes = &self.nodes;
+        let all = v.mask_all();
+        let first_block = scalar!(v, bin << 4);
+        let first_cell = scalar!(v, first_block << 4);
+        let depths = nodes.cells.column(field!(Node.depth));
+        for block in 0..CHILDREN {
+            v.prefetch_l1(depths.plus_lines(u64::from(block)), first_cell);
+        }
+        let face = v.s_load(self.faces.bin_places.column(field!(BinPlace.face)), bin);
+        let place = Place::load(v, &self.faces, bin, face);
+
+        // Blocks.
+        let mut depth = v.vset_f32(0.0);
+        for block in 0..CHILDREN {
+            let of_cells = v.vload_f32(depths.plus_lines(u64::from(block)), first_cell);
+            let deepest = math::reduce_max(v, of_cells);
+            let lane = v.s_imm(1 << block);
+            let here = v.kmov_from_scalar(lane);
+            depth = v.vblend_f32(here, deepest, depth);
+        }
+        let mut center = |axis: usize| {
+            let in_bin = v.vmul(place.child[axis], place.block[axis]);
+            v.vadd(place.low[axis], in_bin)
+        };
+        let center = [center(0), center(1)];
+        store_nodes(v, all, nodes.blocks, first_block, center, place.block, depth);
+
+        // The bin itself.
+        let bit = v.s_imm(1);
+        let first = v.kmov_from_scalar(bit);
+        let deepest = math::reduce_max(v, depth);
+        let four = v.vset_f32(4.0);
+        let half = v.vset_f32(0.5);
+        let size = [v.vmul(place.block[0], four), v.vmul(place.block[1], four)];
+        let x = v.vmadd(size[0], half, place.low[0]);
+        let y = v.vmadd(size[1], half, place.low[1]);
+        store_nodes(v, first, nodes.bins, bin, [x, y], size, deepest);
+    }
+}
+
+/// Stores up to 16 rectangles with their depths and reach; `size` is the whole width and height.
+#[inline(always)]
+fn store_nodes<V: Vpu>(
+    v: &mut V,
+    live: V::Mask,
+    nodes: Columns<Node>,
+    at: V::S32,
+    center: [V::F32; 2],
+    size: [V::F32; 2],
+    depth: V::F32,
+) {
+    let one = v.vset_f32(1.0);
+    // Wider by a rounding or two, so that what was put inside by its key is inside.
+    let half = v.vset_f32(0.500_01);
+    let half_x = v.vmul(size[0], half);
+    let half_y = v.vmul(size[1], half);
+    let corner_x = v.vabs(center[0]);
+    let corner_x = v.vadd(corner_x, half_x);
+    let corner_y = v.vabs(center[1]);
+    let corner_y = v.vadd(corner_y, half_y);
+    let reach2 = v.vmadd(corner_x, corner_x, one);
+    let reach2 = v.vmadd(corner_y, corner_y, reach2);
+    let reach = math::sqrt(v, reach2);
+    let mut store = |field, value| v.vstore_f32(live, nodes.column(field), at, value);
+    store(field!(Node.center[0]), center[0]);
+    store(field!(Node.center[1]), center[1]);
+    store(field!(Node.half[0]), half_x);
+    store(field!(Node.half[1]), half_y);
+    store(field!(Node.depth), depth);
+    store(field!(Node.reach), reach);
+}
+
+struct Groups {
+    nodes: Nodes,
+}
+
+impl Kernel for Groups {
+    #[inline(always)]
+    fn run<V: Vpu>(&self, v: &mut V, group: V::S32) {
+        let bins = self.nodes.bins;
+        let first_bin = scalar!(v, group << 4);
+        let zero = v.vset_f32(0.0);
+        let far = v.vset_f32(FAR);
+        let half = v.vset_f32(0.5);
+        let depth = v.vload_f32(bins.column(field!(Node.depth)), first_bin);
+        let used = v.vcmp_gt(depth, zero);
+        let deepest = math::reduce_max(v, depth);
+        let mut span = |center: Field<Node, f32>, half_size: Field<Node, f32>| {
+            let c = v.vload_f32(bins.column(center), first_bin);
+            let h = v.vload_f32(bins.column(half_size), first_bin);
+            let low = v.vsub_or(far, used, c, h);
+            let low = math::reduce_min(v, low);
+            let minus_far = v.vsub(zero, far);
+            let high = v.vadd_or(minus_far, used, c, h);
+            let high = math::reduce_max(v, high);
+            let sum = v.vadd(low, high);
+            let middle = v.vmul(sum, half);
+            let size = v.vsub(high, low);
+            (middle, size)
+        };
+        let (x, size_x) = span(field!(Node.center[0]), field!(Node.half[0]));
+        let (y, size_y) = span(field!(Node.center[1]), field!(Node.half[1]));
+        let bit = v.s_imm(1);
+        let first = v.kmov_from_scalar(bit);
+        store_nodes(v, first, self.nodes.groups, group, [x, y], [size_x, size_y], deepest);
+    }
+}

@@ -1,0 +1,133 @@
+//! What is binned and rasterized: triangles, which hide the light as a whole, and edges, which have a penumbra.
+
+use lrbsim_isa::Arena;
+use lrbsim_workloads::ShadowInput;
+
+use super::CHILDREN;
+use crate::light::Disc;
+use crate::record::Records;
+
+/// Rounding of positions about a receiver, relative to the largest coordinate of receivers, with a factor of eight to spare.
+const POSITION_SLACK: f32 = 1e-6;
+
+/// A triangle as seen from the light: one line.
+#[repr(C, align(64))]
+pub struct TriangleRecord {
+    /// Normals of the planes through the light and the edges 01, 12, 20, each `low x high` by vertex number.
+    pub edge_normals: [[f32; 3]; 3],
+    /// Normal of the triangle, away from the light.
+    pub normal: [f32; 3],
+    /// The triangle's plane, `point . normal` of its points, farther by [`plane_slack`](crate::plane::plane_slack).
+    pub plane: f32,
+    /// Flags of the three edges: the sign bit is set where the triangle lies right of `low -> high`. Those of the first
+    /// also hold [`FRONT`], [`BACK`], [`AWAY`] and, from bit [`FACES_SHIFT`] on, the faces around the light that the
+    /// triangle can shadow.
+    pub flags: [i32; 3],
+}
+
+/// Flag of a triangle that is a layer of the sum F.
+pub const FRONT: i32 = 1;
+/// Flag of a triangle that is a layer of the sum B.
+pub const BACK: i32 = 2;
+/// Flag of a triangle that faces away from the light: the determinant of its corners is positive.
+pub const AWAY: i32 = 4;
+/// Where in the flags of a triangle the bits of the faces begin.
+pub const FACES_SHIFT: i32 = 8;
+
+/// An edge as seen from the light: one line.
+#[repr(C, align(64))]
+pub struct EdgeRecord {
+    /// Its ends, the one with the lower vertex number first, light-centred.
+    pub ends: [[f32; 3]; 2],
+    /// Normal of the plane through the light and the edge, `low x high`.
+    pub normal: [f32; 3],
+    /// Weights in F and B: counted faces left of the edge less those right of it [algorithms, 2.4].
+    pub weights: [i32; 2],
+    /// Least distance of the edge from the light.
+    pub nearest: f32,
+    /// What is added to its part of the light before that is rounded, in (-1/2, 1/2).
+    pub rounding_offset: f32,
+    /// A bit for each face on which it can have a penumbra.
+    pub faces: i32,
+}
+
+/// The light, as constants of the kernels' code.
+#[derive(Debug, Clone, Copy)]
+pub struct LightConstants {
+    /// Where its disc stands.
+    pub disc: Disc,
+    /// Radius, 0 for a point.
+    pub radius: f32,
+    /// Radius for the bound of a penumbra: larger by rounding, and for a disc that does not face the receivers.
+    pub bound_radius: f32,
+}
+
+impl LightConstants {
+    /// The light of a frame.
+    fn new(input: &ShadowInput) -> LightConstants {
+        let disc = input.light_normal.map_or(Disc::Facing, Disc::Fixed);
+        // A disc that stands still lies in the ball of its radius; the line from p to v meets that ball only if
+        // sin phi (1 - r/|p|) <= r (1/|v| - cos phi/|p|), and |p| > |v| > 2.5 r wherever the bound is used.
+        let bound_radius =
+            if disc == Disc::Facing { input.light_radius } else { input.light_radius * (5.0 / 3.0) };
+        // The receiver is subtracted from the ends of an edge: they are rounded by its distance from the light, which for
+        // ends near the light is as if the light were larger.
+        let farthest = input.receivers.iter().flatten().fold(0.0_f32, |far, x| far.max(x.abs()));
+        let bound_radius = bound_radius + POSITION_SLACK * farthest;
+        LightConstants { disc, radius: input.light_radius, bound_radius }
+    }
+
+    /// Whether the light has a penumbra at all.
+    pub fn is_soft(&self) -> bool {
+        self.radius > 0.0
+    }
+}
+
+/// The primitives of a frame: filled by its method, before they are binned.
+#[derive(Clone, Copy)]
+pub struct Primitives {
+    /// The light that they are seen from.
+    pub light: LightConstants,
+    /// Records of the triangles.
+    pub triangles: Records<TriangleRecord>,
+    /// Number of triangles.
+    pub triangle_count: u32,
+    /// Records of the edges that have a penumbra.
+    pub edges: Records<EdgeRecord>,
+    /// Number of these edges.
+    pub edge_count: u32,
+}
+
+impl Primitives {
+    /// Room for the triangles of a frame, and no edges yet.
+    pub fn new(input: &ShadowInput, triangle_count: u32, arena: &mut Arena) -> Primitives {
+        Primitives {
+            light: LightConstants::new(input),
+            triangles: Records::new(arena, u64::from(triangle_count.next_multiple_of(CHILDREN))),
+            triangle_count,
+            edges: Records::default(),
+            edge_count: 0,
+        }
+    }
+}
+
+/// The two kinds of primitives, whose lists lie one behind the other: triangles of all bins, then edges of all bins; so of
+/// the cells.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// Triangles: layers between receiver and light.
+    Triangles = 0,
+    /// Edges: parts of the light.
+    Edges = 1,
+}
+
+impl Kind {
+    /// Both kinds, in the order of their lists.
+    pub const ALL: [Kind; 2] = [Kind::Triangles, Kind::Edges];
+
+    /// The first list of this kind, where each kind has `lists`.
+    #[inline(always)]
+    pub const fn first_list(self, lists: u32) -> u32 {
+        self as u32 * lists
+    }
+}

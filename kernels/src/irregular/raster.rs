@@ -1,0 +1,284 @@
+//! Light-view rasterization: per bin, hierarchical and conservative, to records of (cell, primitive).
+//!
+//! A record also holds the least depth of a receiver of the cell that the primitive can shadow: the intersection of the
+//! wedge with the column of depth slices under the cell [johnson09, §2.5].
+//!
+//! ```text
+//! pieces ─► count ─► scan ─► fill          a piece is at most 64 primitives of one bin
+//! ```
+
+#![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
+
+use lrbsim_isa::{Addr, Arena, Compare, Kernel, Step, Vpu};
+
+use super::BIN_CELLS;
+use super::bin::Bins;
+use super::faces::BinPlace;
+use super::grid::Grid;
+use super::lists::Lists;
+use super::primitives::Primitives;
+use super::touch::{Edge, FaceFrame, Touch, Triangle};
+use crate::columns::{Columns, lower, take_lane, task_range};
+use crate::expression::{int, scalar};
+use crate::field;
+use crate::record::Records;
+
+/// Primitives of a piece, as a power of two.
+const PIECE_LOG2: i32 = 6;
+
+/// Lists of a task of the piece steps.
+const LISTS: u32 = 16;
+
+/// A primitive that can shadow samples of a cell.
+#[repr(C)]
+pub struct CellRecord {
+    /// Number of the primitive.
+    pub primitive: i32,
+    /// Least depth of a receiver that it can shadow there.
+    pub start: f32,
+}
+
+/// Part of a bin's list: a task of the raster steps.
+#[repr(C)]
+struct Piece {
+    /// The list that it is part of.
+    list: u32,
+    /// Its first item.
+    first: u32,
+    /// One past its last item.
+    end: u32,
+}
+
+/// Counters of the pieces: one line.
+#[repr(C, align(64))]
+struct PieceCounters {
+    /// Number of pieces of all lists.
+    total: u32,
+    /// Number of pieces that have been written.
+    written: u32,
+}
+
+/// The records of each cell; filled by the phase `raster`.
+#[derive(Clone, Copy)]
+pub struct Raster {
+    counters: Records<PieceCounters>,
+    pieces: Columns<Piece>,
+    piece_count: u32,
+    /// Lists of the cells by [`Kind`](super::primitives::Kind).
+    pub lists: Lists,
+    /// The records in these lists.
+    pub records: Records<CellRecord>,
+}
+
+impl Raster {
+    /// Nothing is rasterized yet.
+    pub fn new(arena: &mut Arena) -> Raster {
+        Raster {
+            counters: Records::new(arena, 1),
+            pieces: Columns::default(),
+            piece_count: 0,
+            lists: Lists::default(),
+            records: Records::default(),
+        }
+    }
+}
+
+/// Counts the pieces into which the lists of the bins are cut.
+pub fn count_pieces(raster: &Raster, bins: &Bins, grid: &Grid) -> Step {
+    let kernel = Pieces::new(raster, bins, grid, false);
+    // SAFETY: tasks only add to the counter.
+    unsafe { Step::independent("raster pieces", kernel.tasks(), kernel) }
+}
+
+/// Cuts the lists of the bins into pieces.
+pub fn fill_pieces(raster: &mut Raster, bins: &Bins, grid: &Grid, arena: &mut Arena) -> Step {
+    raster.piece_count = arena.read_u32(raster.counters.field(field!(PieceCounters.total)));
+    raster.pieces = Columns::new(arena, raster.piece_count);
+    let kernel = Pieces::new(raster, bins, grid, true);
+    Step::ordered("raster tasks", kernel.tasks(), kernel)
+}
+
+/// Counts the records that each cell gets.
+pub fn count(
+    raster: &mut Raster,
+    bins: &Bins,
+    primitives: &Primitives,
+    grid: &Grid,
+    arena: &mut Arena,
+) -> Step {
+    raster.lists = Lists::new(arena, 2 * grid.faces.cell_count(), raster.piece_count, BIN_CELLS);
+    let kernel =
+        Rasterize { raster: *raster, bins: *bins, primitives: *primitives, grid: *grid, fill: false };
+    Step::ordered("record counts", raster.piece_count, kernel)
+}
+
+/// Writes the records of each cell.
+pub fn fill(
+    raster: &mut Raster,
+    bins: &Bins,
+    primitives: &Primitives,
+    grid: &Grid,
+    arena: &mut Arena,
+) -> Step {
+    let total = raster.lists.items(arena, 2 * grid.faces.cell_count());
+    raster.records = Records::new(arena, u64::from(total));
+    let kernel = Rasterize { raster: *raster, bins: *bins, primitives: *primitives, grid: *grid, fill: true };
+    // SAFETY: each task writes its own table, and records to places that it has taken in `count`.
+    unsafe { Step::independent("records", raster.piece_count, kernel) }
+}
+
+/// Splits the lists of the bins into pieces.
+struct Pieces {
+    counters: Records<PieceCounters>,
+    pieces: Columns<Piece>,
+    list_starts: Addr,
+    list_count: u32,
+    fill: bool,
+}
+
+impl Pieces {
+    fn new(raster: &Raster, bins: &Bins, grid: &Grid, fill: bool) -> Pieces {
+        Pieces {
+            counters: raster.counters,
+            pieces: raster.pieces,
+            list_starts: bins.lists.starts,
+            list_count: 2 * grid.faces.bin_count,
+            fill,
+        }
+    }
+
+    fn tasks(&self) -> u32 {
+        self.list_count.div_ceil(LISTS)
+    }
+}
+
+impl Kernel for Pieces {
+    #[inline(always)]
+    fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
+        let zero = v.s_imm(0);
+        let (mut list, end) = task_range(v, task, LISTS, self.list_count);
+        while v.branch(Compare::Less, list, end) {
+            let mut first = v.s_load(self.list_starts, list);
+            let last = v.s_load(self.list_starts.plus_words(1), list);
+            let pieces = scalar!(v, ((last - first) + { (1 << PIECE_LOG2) - 1 }) >> { PIECE_LOG2 });
+            if v.branch(Compare::Less, zero, pieces) {
+                if self.fill {
+                    let written = self.counters.field(field!(PieceCounters.written));
+                    let mut at = v.s_atomic_add(written, zero, pieces);
+                    while v.branch(Compare::Less, first, last) {
+                        let next = scalar!(v, first + { 1 << PIECE_LOG2 });
+                        let piece_end = lower(v, next, last);
+                        v.s_store(self.pieces.column(field!(Piece.list)), at, list);
+                        v.s_store(self.pieces.column(field!(Piece.first)), at, first);
+                        v.s_store(self.pieces.column(field!(Piece.end)), at, piece_end);
+                        first = next;
+                        at = scalar!(v, at + 1);
+                    }
+                } else {
+                    v.s_atomic_add(self.counters.field(field!(PieceCounters.total)), zero, pieces);
+                }
+            }
+            list = scalar!(v, list + 1);
+        }
+    }
+}
+
+struct Rasterize {
+    raster: Raster,
+    bins: Bins,
+    primitives: Primitives,
+    grid: Grid,
+    fill: bool,
+}
+
+impl Kernel for Rasterize {
+    #[inline(always)]
+    fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
+        let Rasterize { raster, primitives, grid, .. } = self;
+        let list = v.s_load(raster.pieces.column(field!(Piece.list)), task);
+        let first = v.s_load(raster.pieces.column(field!(Piece.first)), task);
+        let end = v.s_load(raster.pieces.column(field!(Piece.end)), task);
+        let bins = v.s_imm(grid.faces.bin_count as i32);
+        let of_triangles = v.branch(Compare::Less, list, bins);
+        let bin = if of_triangles { list } else { scalar!(v, list - bins) };
+        let face = v.s_load(grid.faces.bin_places.column(field!(BinPlace.face)), bin);
+        let first_list = scalar!(v, list << { BIN_CELLS.trailing_zeros() as i32 });
+        let table = raster.lists.table(v, task);
+        let piece = PieceOf { bin, first, end, table, first_list };
+        for grid in grid.faces.grids() {
+            let number = v.s_imm(grid.face as i32);
+            if v.branch(Compare::Equal, face, number) {
+                let frame = FaceFrame::new(grid);
+                if of_triangles {
+                    self.piece::<V, Triangle<V>>(v, frame, primitives.triangles, piece);
+                } else {
+                    self.piece::<V, Edge<V>>(v, frame, primitives.edges, piece);
+                }
+                break;
+            }
+        }
+        if !self.fill {
+            raster.lists.publish(v, table, first_list);
+        }
+    }
+}
+
+/// What a task knows of its piece.
+struct PieceOf<V: Vpu> {
+    bin: V::S32,
+    /// Its items `first..end` in the lists of the bins.
+    first: V::S32,
+    end: V::S32,
+    /// Where the task's table begins.
+    table: V::S32,
+    /// The list of the bin's first cell.
+    first_list: V::S32,
+}
+
+impl Rasterize {
+    /// Rasters the primitives of a piece over the blocks and cells of its bin.
+    #[inline(always)]
+    fn piece<V: Vpu, P: Touch<V>>(
+        &self,
+        v: &mut V,
+        frame: FaceFrame,
+        records: Records<P::Record>,
+        piece: PieceOf<V>,
+    ) {
+        let PieceOf { bin, first, end, table, first_list } = piece;
+        let lists = &self.raster.lists;
+        let nodes = &self.grid.nodes;
+        let none = v.s_imm(0);
+        let first_block = scalar!(v, bin << 4);
+        let first_cell = scalar!(v, first_block << 4);
+        let mut i = first;
+        while v.branch(Compare::Less, i, end) {
+            let number = v.s_load(self.bins.items, i);
+            let record = records.record(v, number);
+            let primitive = P::set_up(v, &self.primitives.light, frame, record);
+            let (touched, _) = primitive.touch(v, nodes.blocks, first_block);
+            let mut blocks = v.kmov_to_scalar(touched);
+            while v.branch(Compare::NotEqual, blocks, none) {
+                let lane = take_lane(v, &mut blocks);
+                let in_bin = scalar!(v, lane << 4);
+                let cell = scalar!(v, first_cell + in_bin);
+                let (touched, start) = primitive.touch(v, nodes.cells, cell);
+                if v.branch_any(touched) {
+                    let at = scalar!(v, table + in_bin);
+                    if self.fill {
+                        let list = scalar!(v, first_list + in_bin);
+                        let to = lists.place(v, touched, at, list);
+                        let word = int!(v, to + to);
+                        let number = v.vsplat(number);
+                        let records = self.raster.records;
+                        v.vscatter_i32(touched, records.field(field!(CellRecord.primitive)), word, number);
+                        v.vscatter_f32(touched, records.field(field!(CellRecord.start)), word, start);
+                    } else {
+                        lists.add(v, touched, at);
+                    }
+                }
+            }
+            i = scalar!(v, i + 1);
+        }
+    }
+}

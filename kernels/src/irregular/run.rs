@@ -1,0 +1,389 @@
+//! Runs: equal shares of the work that samples and records of cells make together, one a task, and the walk through one.
+//!
+//! A task owns the samples of its run, so that sums need no atomics and repeat bit for bit. Cell by cell it takes 16
+//! samples at a time and walks all records of the cell; a record that begins deeper than all 16 is skipped.
+//!
+//! A block whose samples and records make too many vector tests is split into a power of two of runs; those of triangles
+//! and those of edges are split apart.
+
+#![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
+
+use lrbsim_isa::{Addr, Arena, Compare, Kernel, Step, Vpu, math};
+
+use super::CHILDREN;
+use super::faces::BinPlace;
+use super::grid::{Grid, Sample};
+use super::primitives::Kind;
+use super::raster::{CellRecord, Raster};
+use crate::columns::{Columns, lanes_below, lower, sum, task_range};
+use crate::expression::{each, int, scalar};
+use crate::field;
+use crate::plane::Vec3;
+use crate::record::{Record, Records, words};
+
+/// Blocks of a task of the steps that split.
+const BLOCKS: u32 = 8;
+
+/// Vector tests of a run by [`Kind`], as powers of two: about 32 K uops each.
+const RUN_LOG2: [i32; 2] = [10, 8];
+
+/// Into how many runs a block is split.
+#[repr(C)]
+struct Split {
+    /// j + 1 for 2^j runs, by [`Kind`]; 0 where there is nothing to do.
+    log2: [u32; 2],
+}
+
+/// A share of a block's samples: a task of `hard` or of `soft`.
+#[repr(C)]
+struct Run {
+    /// Number of the block.
+    block: u32,
+    /// Which of the block's 2^j shares.
+    share: u32,
+    /// j + 1, where the block is split into 2^j runs.
+    log2: u32,
+}
+
+/// A counter that shares its line with nothing.
+#[repr(C, align(64))]
+struct Counter {
+    count: u32,
+}
+
+/// Counters of the runs.
+#[repr(C)]
+struct RunCounters {
+    /// Number of runs of all blocks, by [`Kind`].
+    totals: [Counter; 2],
+    /// Number of runs that have been written, by [`Kind`].
+    written: [Counter; 2],
+}
+
+/// The runs of a frame; filled at the end of the phase `raster`.
+#[derive(Clone, Copy)]
+pub struct Runs {
+    counters: Records<RunCounters>,
+    splits: Columns<Split>,
+    /// The runs of each [`Kind`].
+    runs: [Columns<Run>; 2],
+    /// Number of runs by [`Kind`].
+    counts: [u32; 2],
+}
+
+impl Runs {
+    /// Nothing is split yet.
+    pub fn new(arena: &mut Arena) -> Runs {
+        Runs {
+            counters: Records::new(arena, 1),
+            splits: Columns::default(),
+            runs: [Columns::default(); 2],
+            counts: [0; 2],
+        }
+    }
+
+    /// Number of runs of `kind`: tasks of the step that walks them.
+    pub fn count(&self, kind: Kind) -> u32 {
+        self.counts[kind as usize]
+    }
+}
+
+/// Counts the runs into which the samples of each block are split, for equal work.
+pub fn count(runs: &mut Runs, raster: &Raster, grid: &Grid, arena: &mut Arena) -> Step {
+    runs.splits = Columns::new(arena, grid.faces.block_count());
+    // SAFETY: each task writes the splits of its own blocks and adds to the totals.
+    unsafe {
+        Step::independent(
+            "run counts",
+            grid.faces.block_count().div_ceil(BLOCKS),
+            Count { runs: *runs, grid: *grid, list_starts: raster.lists.starts },
+        )
+    }
+}
+
+/// Writes the runs of each block.
+pub fn fill(runs: &mut Runs, grid: &Grid, arena: &mut Arena) -> Step {
+    let totals = runs.counters.field(field!(RunCounters.totals));
+    runs.counts = [0, 1].map(|kind| arena.read_u32(totals.plus_lines(kind)));
+    runs.runs = runs.counts.map(|count| Columns::new(arena, count));
+    let block_count = grid.faces.block_count();
+    Step::ordered("runs", block_count.div_ceil(BLOCKS), Fill { runs: *runs, block_count })
+}
+
+/// Vectors of samples in each of the 16 cells of a block.
+#[inline(always)]
+fn cell_vectors<V: Vpu>(v: &mut V, grid: &Grid, first_cell: V::S32) -> V::I32 {
+    let all = v.mask_all();
+    let none = v.vset_i32(0);
+    let two = v.vset_i32(2);
+    let four = v.vset_i32(4);
+    let fifteen = v.vset_i32(15);
+    let lane = v.viota();
+    let cell = v.vsplat(first_cell);
+    let key = int!(v, (cell + lane) << two);
+    let first = v.vgather_i32_or(none, all, grid.cell_starts(0), key);
+    let end = v.vgather_i32_or(none, all, grid.cell_starts(1), key);
+    int!(v, ((end - first) + fifteen) >> four)
+}
+
+/// Splits blocks into runs: 2^j of them, j the least with no more than the wished number of vector tests in each.
+struct Count {
+    runs: Runs,
+    grid: Grid,
+    /// First records of the cells.
+    list_starts: Addr,
+}
+
+impl Kernel for Count {
+    #[inline(always)]
+    fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
+        let Count { runs, grid, list_starts } = self;
+        let one = v.s_imm(1);
+        let zero = v.s_imm(0);
+        let (mut block, end) = task_range(v, task, BLOCKS, grid.faces.block_count());
+        let mut totals = [zero; 2];
+        while v.branch(Compare::Less, block, end) {
+            let first_cell = scalar!(v, block << 4);
+            let vectors = cell_vectors(v, grid, first_cell);
+            let vector_count = sum(v, vectors);
+            for kind in Kind::ALL {
+                let starts = list_starts.plus_words(u64::from(kind.first_list(grid.faces.cell_count())));
+                let record_first = v.vload_i32(starts, first_cell);
+                let record_end = v.vload_i32(starts.plus_words(1), first_cell);
+                let tests = int!(v, vectors * (record_end - record_first));
+                let tests = sum(v, tests);
+                let mut log2 = zero;
+                if v.branch(Compare::Less, zero, tests) {
+                    let wished = v.s_imm(1 << RUN_LOG2[kind as usize]);
+                    let mut left = tests;
+                    let mut vectors_left = vector_count;
+                    log2 = one;
+                    while v.branch(Compare::Less, wished, left) {
+                        if v.branch(Compare::LessEqual, vectors_left, one) {
+                            break;
+                        }
+                        left = scalar!(v, left >> 1);
+                        vectors_left = scalar!(v, vectors_left >> 1);
+                        log2 = scalar!(v, log2 + 1);
+                    }
+                    let total = totals[kind as usize];
+                    totals[kind as usize] = scalar!(v, total + (1 << (log2 - 1)));
+                }
+                v.s_store(runs.splits.column(field!(Split.log2[kind as usize])), block, log2);
+            }
+            block = scalar!(v, block + 1);
+        }
+        for (kind, total) in totals.into_iter().enumerate() {
+            let counter = runs.counters.field(field!(RunCounters.totals[kind]));
+            v.s_atomic_add(counter, zero, total);
+        }
+    }
+}
+
+/// Writes the runs of blocks that are split.
+struct Fill {
+    runs: Runs,
+    block_count: u32,
+}
+
+impl Kernel for Fill {
+    #[inline(always)]
+    fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
+        let runs = &self.runs;
+        let zero = v.s_imm(0);
+        let (first, end) = task_range(v, task, BLOCKS, self.block_count);
+        for (kind, columns) in runs.runs.into_iter().enumerate() {
+            let splits = runs.splits.column(field!(Split.log2[kind]));
+            // Count, take room with one atomic, fill.
+            let mut total = zero;
+            let mut block = first;
+            while v.branch(Compare::Less, block, end) {
+                let log2 = v.s_load(splits, block);
+                if v.branch(Compare::Less, zero, log2) {
+                    total = scalar!(v, total + (1 << (log2 - 1)));
+                }
+                block = scalar!(v, block + 1);
+            }
+            if !v.branch(Compare::Less, zero, total) {
+                continue;
+            }
+            let written = runs.counters.field(field!(RunCounters.written[kind]));
+            let mut at = v.s_atomic_add(written, zero, total);
+            let mut block = first;
+            while v.branch(Compare::Less, block, end) {
+                let log2 = v.s_load(splits, block);
+                if v.branch(Compare::Less, zero, log2) {
+                    let count = scalar!(v, 1 << (log2 - 1));
+                    let mut share = zero;
+                    while v.branch(Compare::Less, share, count) {
+                        v.s_store(columns.column(field!(Run.block)), at, block);
+                        v.s_store(columns.column(field!(Run.share)), at, share);
+                        v.s_store(columns.column(field!(Run.log2)), at, log2);
+                        at = scalar!(v, at + 1);
+                        share = scalar!(v, share + 1);
+                    }
+                }
+                block = scalar!(v, block + 1);
+            }
+        }
+    }
+}
+
+/// 16 samples of one cell.
+pub struct Samples<V: Vpu> {
+    /// Lanes that hold a sample.
+    pub live: V::Mask,
+    /// Number of the sample in lane 0.
+    pub first: V::S32,
+    /// Where the samples lie, light-centred.
+    pub position: Vec3<V>,
+}
+
+/// What a kernel does with samples and the primitives that can shadow them.
+pub trait Shade {
+    /// What it keeps of 16 samples from their first primitive to the last.
+    type State<V: Vpu>;
+
+    /// What is known of `samples` before the first primitive.
+    fn begin<V: Vpu>(&self, v: &mut V, samples: &Samples<V>) -> Self::State<V>;
+
+    /// Takes one primitive into account, which can shadow one of `samples`.
+    fn add<V: Vpu>(
+        &self,
+        v: &mut V,
+        samples: &Samples<V>,
+        state: &mut Self::State<V>,
+        primitive: Record<V, CellRecord>,
+    );
+
+    /// Stores what is known of `samples` after the last primitive.
+    fn finish<V: Vpu>(&self, v: &mut V, samples: &Samples<V>, state: Self::State<V>);
+}
+
+/// Walks the runs of one kind of primitives: 16 samples of a cell at a time, past all records of the cell.
+#[derive(Clone, Copy)]
+pub struct Walk {
+    runs: Columns<Run>,
+    grid: Grid,
+    /// First records of the cells.
+    list_starts: Addr,
+    records: Records<CellRecord>,
+}
+
+impl Walk {
+    /// The walk through the records of `kind`.
+    pub fn new(kind: Kind, grid: &Grid, raster: &Raster, runs: &Runs) -> Walk {
+        let first_list = kind.first_list(grid.faces.cell_count());
+        Walk {
+            runs: runs.runs[kind as usize],
+            grid: *grid,
+            list_starts: raster.lists.starts.plus_words(u64::from(first_list)),
+            records: raster.records,
+        }
+    }
+
+    /// Walks run `run` and has `shade` see all of it.
+    #[inline(always)]
+    pub fn run<V: Vpu>(&self, v: &mut V, run: V::S32, shade: &impl Shade) {
+        let Walk { grid, list_starts, .. } = self;
+        let zero = v.s_imm(0);
+        let block = v.s_load(self.runs.column(field!(Run.block)), run);
+        let share = v.s_load(self.runs.column(field!(Run.share)), run);
+        let log2 = v.s_load(self.runs.column(field!(Run.log2)), run);
+        let log2 = scalar!(v, log2 - 1);
+
+        // This run's vectors of the block: first..end of count.
+        let first_cell = scalar!(v, block << 4);
+        let vectors = cell_vectors(v, grid, first_cell);
+        let count = sum(v, vectors);
+        let first = scalar!(v, (share * count) >> log2);
+        let end = scalar!(v, ((share + 1) * count) >> log2);
+
+        // The face, for the depth of the samples.
+        let bin = scalar!(v, first_cell >> 8);
+        let face = v.s_load(grid.faces.bin_places.column(field!(BinPlace.face)), bin);
+        let depths = grid.depths_of_face(v, face);
+
+        let mut seen = zero;
+        for number in 0..CHILDREN as i32 {
+            let cell = scalar!(v, first_cell + { number });
+            let key = scalar!(v, cell << 2);
+            let sample_first = v.s_load(grid.cell_starts(0), key);
+            let sample_end = v.s_load(grid.cell_starts(1), key);
+            let in_cell = scalar!(v, ((sample_end - sample_first) + 15) >> 4);
+            let cell_first = seen;
+            seen = scalar!(v, seen + in_cell);
+            // Does the run reach this cell, and does the cell have records?
+            if v.branch(Compare::LessEqual, seen, first) {
+                continue;
+            }
+            if v.branch(Compare::LessEqual, end, cell_first) {
+                break;
+            }
+            let record_first = v.s_load(*list_starts, cell);
+            let record_end = v.s_load(list_starts.plus_words(1), cell);
+            if v.branch(Compare::Equal, record_first, record_end) {
+                continue;
+            }
+            let record_first = scalar!(v, record_first + record_first);
+            let record_end = scalar!(v, record_end + record_end);
+            // This run's samples of the cell.
+            let from = if v.branch(Compare::Less, cell_first, first) { first } else { cell_first };
+            let to = lower(v, seen, end);
+            let from = scalar!(v, from - cell_first);
+            let to = scalar!(v, to - cell_first);
+            let from = scalar!(v, from << 4);
+            let to = scalar!(v, to << 4);
+            let mut i = scalar!(v, sample_first + from);
+            let stop = scalar!(v, sample_first + to);
+            let stop = lower(v, stop, sample_end);
+            while v.branch(Compare::Less, i, stop) {
+                let live = lanes_below(v, i, stop);
+                let position = each!(axis in [0, 1, 2] => {
+                    v.vload_f32(grid.samples.column(field!(Sample.position[axis])), i)
+                });
+                let samples = Samples { live, first: i, position };
+                let deepest = self.deepest(v, &samples, depths);
+                self.records(v, &samples, deepest, (record_first, record_end), shade);
+                i = scalar!(v, i + 16);
+            }
+        }
+    }
+
+    /// Depth of the deepest of `samples`, as the bits of a positive float, which order like integers. Depths begin `depths`
+    /// words after the positions.
+    #[inline(always)]
+    fn deepest<V: Vpu>(&self, v: &mut V, samples: &Samples<V>, depths: V::S32) -> V::S32 {
+        let none = v.vset_f32(0.0);
+        let first = samples.first;
+        let at = scalar!(v, depths + first);
+        let depth = v.vload_f32_or(none, samples.live, self.grid.samples.column(field!(Sample.position)), at);
+        let depth = v.vabs(depth);
+        let depth = math::reduce_max(v, depth);
+        let bits = v.bits_of(depth);
+        v.vextract(bits, 0)
+    }
+
+    /// Has `shade` see `samples` and those primitives of a cell that begin no deeper than the deepest of them. Records
+    /// `first..end`, in words.
+    #[inline(always)]
+    fn records<V: Vpu>(
+        &self,
+        v: &mut V,
+        samples: &Samples<V>,
+        deepest: V::S32,
+        (first, end): (V::S32, V::S32),
+        shade: &impl Shade,
+    ) {
+        let mut state = shade.begin(v, samples);
+        let mut at = first;
+        while v.branch(Compare::Less, at, end) {
+            let start = v.s_load(self.records.field(field!(CellRecord.start)), at);
+            if v.branch(Compare::LessEqual, start, deepest) {
+                shade.add(v, samples, &mut state, self.records.at(at));
+            }
+            at = scalar!(v, at + { words::<CellRecord>() as i32 });
+        }
+        shade.finish(v, samples, state);
+    }
+}

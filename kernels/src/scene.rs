@@ -1,0 +1,103 @@
+//! The geometry of a frame in the arena: what the host copies there, untimed.
+
+use lrbsim_isa::{Addr, Arena};
+use lrbsim_workloads::{Counting, ShadowInput};
+
+use crate::columns::Columns;
+use crate::field;
+use crate::irregular::CHILDREN;
+use crate::irregular::primitives::{BACK, FRONT};
+
+/// A vertex of the scene.
+#[repr(C)]
+pub struct Vertex {
+    /// Where the vertex lies, light-centred.
+    pub position: [f32; 3],
+}
+
+/// A triangle of the scene.
+#[repr(C)]
+pub struct Triangle {
+    /// Numbers of the vertices that are its corners.
+    pub corners: [u32; 3],
+    /// Layers of F (bit 0) and B (bit 1) that it is: facing the light in the low half, facing away in the high half.
+    pub layers: u32,
+}
+
+/// An edge of the scene, of one triangle or more.
+#[repr(C)]
+pub struct Edge {
+    /// Numbers of the vertices that are its ends, the lower first.
+    pub ends: [u32; 2],
+}
+
+/// Vertices, triangles and edges of a frame.
+#[derive(Clone, Copy)]
+pub struct Scene {
+    /// Vertices, field by field.
+    pub vertices: Columns<Vertex>,
+    /// Triangles, field by field.
+    pub triangles: Columns<Triangle>,
+    /// Number of triangles.
+    pub triangle_count: u32,
+    /// Edges, field by field.
+    pub edges: Columns<Edge>,
+    /// Number of edges.
+    pub edge_count: u32,
+    /// First place in `edge_faces` of each edge; one more than there are edges.
+    pub edge_first: Addr,
+    /// `triangle << 1 | side` of the faces on edges.
+    pub edge_faces: Addr,
+}
+
+impl Scene {
+    /// Copies the geometry of a frame into the arena.
+    pub fn new(input: &ShadowInput, arena: &mut Arena) -> Scene {
+        let triangle_count = count_of(&input.triangles);
+        let edge_count = count_of(&input.edges);
+
+        let vertices: Columns<Vertex> = Columns::new(arena, count_of(&input.vertices));
+        for axis in 0..3 {
+            let values = input.vertices.iter().map(|p| p[axis].to_bits());
+            fill(arena, vertices.column(field!(Vertex.position[axis])), values);
+        }
+        let triangles: Columns<Triangle> = Columns::new(arena, triangle_count.next_multiple_of(CHILDREN));
+        for corner in 0..3 {
+            let values = input.triangles.iter().map(|t| t[corner]);
+            fill(arena, triangles.column(field!(Triangle.corners[corner])), values);
+        }
+        let layers = input.counting.iter().map(|&rule| layers(rule));
+        fill(arena, triangles.column(field!(Triangle.layers)), layers);
+        let edges: Columns<Edge> = Columns::new(arena, edge_count);
+        for end in 0..2 {
+            fill(arena, edges.column(field!(Edge.ends[end])), input.edges.iter().map(|e| e[end]));
+        }
+        let edge_first = arena.alloc(u64::from(edge_count) + 17);
+        fill(arena, edge_first, input.edge_first.iter().copied());
+        let edge_faces = arena.alloc(input.edge_faces.len() as u64);
+        fill(arena, edge_faces, input.edge_faces.iter().copied());
+        Scene { vertices, triangles, triangle_count, edges, edge_count, edge_first, edge_faces }
+    }
+}
+
+/// Layers of a triangle in F and B as in [`Triangle::layers`].
+fn layers(rule: Counting) -> u32 {
+    let (toward, away) = match rule {
+        Counting::Closed => (FRONT | BACK, 0),
+        Counting::Shell => (FRONT, BACK),
+        Counting::Sheet => (FRONT | BACK, FRONT | BACK),
+    };
+    (toward | away << 16) as u32
+}
+
+/// Number of `items`; more than the arena holds where it does not fit.
+pub(crate) fn count_of<T>(items: &[T]) -> u32 {
+    u32::try_from(items.len()).unwrap_or(u32::MAX)
+}
+
+/// Writes `values` to consecutive words.
+pub(crate) fn fill(arena: &mut Arena, to: Addr, values: impl Iterator<Item = u32>) {
+    for (i, value) in values.enumerate() {
+        arena.write_u32(to.plus_words(i as u64), value);
+    }
+}
