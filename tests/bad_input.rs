@@ -54,6 +54,26 @@ fn an_unknown_name_lists_the_known_ones() {
 }
 
 #[test]
+fn lights_without_kernels_are_refused() {
+    let folder = Folder::new();
+    folder.write("model.obj", TRIANGLE);
+    let sphere = r#""kind": "sphere", "center": [0, 4, 0], "radius": 0.2"#;
+    for (kind, light) in [
+        ("rect", r#""kind": "rect", "center": [0, 4, 0], "half_u": [1.5, 0, 0], "half_v": [0, 0, 0.05]"#),
+        ("linear", r#""kind": "linear", "p0": [-1.5, 4, 0], "p1": [1.5, 4, 0]"#),
+    ] {
+        folder.write("scene.json", &SCENE.replace(sphere, light));
+        let said = format!("`light.kind` is `{kind}`; it must be `sphere`, `disc` or `point`");
+        refused(&folder, &["scene.json"], &[&said, "scene.json:5:21"]);
+        folder.run(&["scene", "check", "scene.json"]).refused(&[&said]);
+        let text =
+            r#"{"name": "x", "base": {"scene": "scene.json"}, "axes": [{"path": "cores", "values": [1]}]}"#;
+        folder.write("study.json", text);
+        folder.run(&["study", "study.json"]).refused(&[&said]);
+    }
+}
+
+#[test]
 fn broken_json_is_pointed_at() {
     let folder = Folder::new();
     machine_file(&folder, "\"cores\": 24,", "\"cores\": 24");

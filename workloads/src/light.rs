@@ -27,7 +27,8 @@ pub enum Light {
         /// 0 or more.
         radius: f64,
     },
-    /// The parallelogram `center + s half_u + t half_v`, s and t in [-1, 1].
+    /// The parallelogram `center + s half_u + t half_v`, s and t in [-1, 1]. No kernel draws it yet: scenes with one are
+    /// refused, and only the reference rays sample it.
     Rect {
         /// Middle of the light.
         #[schemars(with = "[f64; 3]")]
@@ -39,7 +40,8 @@ pub enum Light {
         #[schemars(with = "[f64; 3]")]
         half_v: DVec3,
     },
-    /// The straight line from `p0` to `p1`.
+    /// The straight line from `p0` to `p1`. No kernel draws it yet: scenes with one are refused, and only the reference
+    /// rays sample it.
     Linear {
         /// One end.
         #[schemars(with = "[f64; 3]")]
@@ -69,29 +71,29 @@ impl Light {
         }
     }
 
-    /// Radius of the disc that kernels take the light for.
+    /// Radius of the disc that kernels take the light for: of a sphere, a disc or a point.
     ///
-    /// Exact for sphere, disc and point. A rectangle counts as the disc of the same area, a line as one half as
-    /// wide as the line is long: kernels know discs only.
+    /// # Panics
+    /// If the light is a rectangle or a line, which no kernel draws and no scene may have.
     #[must_use]
     pub fn disc_radius(&self) -> f64 {
         match *self {
             Self::Sphere { radius, .. } | Self::Disc { radius, .. } => radius,
-            Self::Rect { half_u, half_v, .. } => {
-                (4.0 * half_u.cross(half_v).length() / core::f64::consts::PI).sqrt()
-            }
-            Self::Linear { p0, p1 } => (p1 - p0).length() * 0.25,
             Self::Point { .. } => 0.0,
+            Self::Rect { .. } | Self::Linear { .. } => panic!("no kernel draws {self:?}"),
         }
     }
 
     /// Unit normal of the disc that kernels take the light for; `None` if that disc turns to face each receiver.
+    ///
+    /// # Panics
+    /// As [`Light::disc_radius`].
     #[must_use]
     pub fn disc_normal(&self) -> Option<DVec3> {
         match *self {
             Self::Disc { normal, .. } => Some(normal.normalize()),
-            Self::Rect { half_u, half_v, .. } => Some(half_u.cross(half_v).normalize()),
-            Self::Sphere { .. } | Self::Linear { .. } | Self::Point { .. } => None,
+            Self::Sphere { .. } | Self::Point { .. } => None,
+            Self::Rect { .. } | Self::Linear { .. } => panic!("no kernel draws {self:?}"),
         }
     }
 
