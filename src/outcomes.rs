@@ -57,7 +57,7 @@ impl Written {
         } else {
             path.to_owned()
         };
-        let text = std::fs::read_to_string(&file).map_err(|error| BadInput::unreadable(&file, &error))?;
+        let text = json::text(&file)?;
         let shown = file.display().to_string();
         // Which of the two it is, its fields tell.
         let tree: Value = json::read(&shown, &text)?;

@@ -131,7 +131,7 @@ pub fn publish(folder: &Path, command: &[String]) -> Result<Verdict, BadInput> {
 
 fn read(folder: &Path) -> Result<Manifest, BadInput> {
     let path = folder.join(MANIFEST);
-    let text = std::fs::read_to_string(&path).map_err(|error| BadInput::unreadable(&path, &error))?;
+    let text = json::text(&path)?;
     json::read(&path.display().to_string(), &text)
 }
 

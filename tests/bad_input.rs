@@ -74,6 +74,32 @@ fn lights_without_kernels_are_refused() {
 }
 
 #[test]
+fn a_byte_order_mark_is_no_part_of_a_file() {
+    let folder = Folder::new();
+    let mark = "\u{feff}";
+    folder.write("model.obj", TRIANGLE);
+    folder.write("scene.json", &format!("{mark}{SCENE}"));
+    let machine = lrbsim_machine::builtin_machine("larrabee-24").expect("shipped");
+    folder.write("machine.json", &format!("{mark}{machine}"));
+    let base = r#""base": {"scene": "scene.json", "machine": "machine.json", "fidelity": "functional"}"#;
+    let text = format!(r#"{mark}{{"name": "x", {base}, "axes": [{{"path": "cores", "values": [1]}}]}}"#);
+    folder.write("study.json", &text);
+    folder.run(&["study", "study.json"]).ok();
+    for name in ["study", "machine", "scene"] {
+        folder.write(&format!("{name}.json"), &format!("{mark}{{ x }}"));
+    }
+    // What is wrong is pointed at where an editor shows it.
+    folder.run(&["study", "study.json"]).refused(&["not sound JSON", "study.json:1:3"]);
+    refused(&folder, &["scene.json"], &["not sound JSON", "scene.json:1:3"]);
+    refused(&folder, &["tiny", "-m", "machine.json"], &["not sound JSON", "machine.json:1:3"]);
+    let wide: Vec<u8> = mark.encode_utf16().chain(SCENE.encode_utf16()).flat_map(u16::to_le_bytes).collect();
+    std::fs::write(folder.path("scene.json"), wide).expect("the folder can be written");
+    refused(&folder, &["scene.json"], &["`scene.json` is UTF-16 text; it must be UTF-8"]);
+    std::fs::write(folder.path("scene.json"), b"{\n\"mesh\": \"\xe9\"}").expect("the folder can be written");
+    refused(&folder, &["scene.json"], &["`scene.json` is not UTF-8 text: a wrong byte in line 2"]);
+}
+
+#[test]
 fn broken_json_is_pointed_at() {
     let folder = Folder::new();
     machine_file(&folder, "\"cores\": 24,", "\"cores\": 24");

@@ -80,6 +80,37 @@ fn a_model_needs_no_further_options() {
     assert!(folder.path("out/box-larrabee-24-sism/image.png").exists());
 }
 
+#[cfg(unix)]
+#[test]
+fn names_of_files_need_not_be_text() {
+    use std::ffi::OsStr;
+    use std::os::unix::ffi::OsStrExt as _;
+    let folder = Folder::new();
+    let odd = |name: &[u8]| OsStr::from_bytes(name).to_owned();
+    let (model, machine, study) = (odd(b"\xff.obj"), odd(b"\xff-machine.json"), odd(b"\xff-study.json"));
+    let write = |name: &OsStr, text: &str| {
+        std::fs::write(folder.path("").join(name), text).expect("the folder can be written");
+    };
+    write(&model, "v 0 0 0\nv 1 0 0\nv 0 0 1\nf 1 2 3\n");
+    write(&machine, lrbsim_machine::builtin_machine("larrabee-24").expect("shipped"));
+    let quick = r#"{"name": "x", "base": {"scene": "tiny", "fidelity": "functional"}"#;
+    write(&study, &format!(r#"{quick}, "axes": [{{"path": "cores", "values": [1]}}]}}"#));
+    let run = |args: &[&OsStr]| {
+        let output = lrbsim().current_dir(folder.path("")).args(args).output().expect("the binary starts");
+        (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    let plain = |text: &'static str| OsStr::new(text);
+    let fine = (Some(0), String::new());
+    assert_eq!(run(&[plain("run"), &model, plain("--size"), plain("8x8"), plain("-m"), &machine]), fine);
+    assert_eq!(run(&[plain("study"), &study]), fine);
+    assert_eq!(run(&[plain("scene"), plain("check"), &model]), fine);
+    assert_eq!(run(&[plain("machine"), plain("check"), &machine]), fine);
+    // What must be text is named.
+    let (code, message) = run(&[plain("run"), plain("tiny"), plain("--size"), &odd(b"8x\xff")]);
+    assert_eq!(code, Some(2));
+    assert!(message.contains("not UTF-8 text: `8x\u{fffd}`"), "{message}");
+}
+
 #[test]
 fn a_run_keeps_files_that_it_does_not_write() {
     let folder = Folder::new();
@@ -119,6 +150,42 @@ fn models_are_looked_up_in_the_search_path_first() {
     };
     assert!(triangles("models").contains("2 triangles"));
     assert!(triangles("nowhere").contains("1 triangle"));
+}
+
+#[test]
+fn a_model_by_itself_is_a_path_first_and_looked_up_next() {
+    let folder = Folder::new();
+    let corners = "v -1 0 -1\nv 1 0 -1\nv 0 0 1\nv 0 1 0\n";
+    std::fs::create_dir_all(folder.path("configs/scenes/models")).expect("the folder can be written");
+    folder.write("configs/scenes/models/model.obj", &format!("{corners}f 1 2 3\n"));
+    std::fs::create_dir(folder.path("mine")).expect("the folder can be written");
+    folder.write("mine/model.obj", &format!("{corners}f 1 2 3\nf 1 2 4\n"));
+    // All get the same floor.
+    let triangles = |search: Option<&str>| -> u32 {
+        let mut command = lrbsim();
+        command.current_dir(folder.path("")).args(["scene", "check", "model.obj"]);
+        search.map(|search| command.env("LRBSIM_SCENES", search));
+        let printed = String::from_utf8(command.output().expect("the binary starts").stdout).expect("text");
+        let count = printed.strip_prefix("model.obj: sound: ").expect("a sound model");
+        count.split(' ').next().expect("a word").parse().expect("a number")
+    };
+    // A checkout needs no variable.
+    let found = triangles(None);
+    assert_eq!(triangles(Some("mine")), found + 1);
+    folder.write("model.obj", &format!("{corners}f 1 2 3\nf 1 2 4\nf 1 3 4\n"));
+    assert_eq!(triangles(Some("mine")), found + 2);
+}
+
+#[test]
+fn models_of_a_checkout_are_found_by_name() {
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+    for (scene, triangles) in
+        [("tavern", "63 403"), ("tavern.obj", "63 4"), ("dinner_table", "8 064"), ("table_blocker", "410")]
+    {
+        let output = lrbsim().current_dir(root).args(["scene", "check", scene]).output();
+        let printed = String::from_utf8(output.expect("the binary starts").stdout).expect("text");
+        assert!(printed.contains(&format!("{scene}: sound: {triangles}")), "{printed}");
+    }
 }
 
 /// Fields that an object may have and those it must have, by the schema of a file format.

@@ -288,6 +288,38 @@ fn a_million_points_are_asked_for_twice() {
 }
 
 #[test]
+fn ranges_of_whole_numbers_are_drawn_whole() {
+    let folder = Folder::new();
+    let study = |axis: &str| {
+        let base = r#"{"scene": "tiny", "fidelity": "functional", "set": {"scene.image.height": 8}}"#;
+        let sampling = r#"{"random": {"points": 6, "seed": 7}}"#;
+        let text = format!(r#"{{"name": "r", "base": {base}, "axes": [{axis}], "sampling": {sampling}}}"#);
+        folder.write("study.json", &text);
+        folder.run(&["study", "study.json"])
+    };
+    let drawn = || -> Vec<serde_json::Value> {
+        results(&folder, "out/study-r/study.json")
+            .points
+            .iter()
+            .map(|point| point.values[0].clone())
+            .collect()
+    };
+    for draw in ["", r#", "draw": "log""#] {
+        for (path, min, max) in [("cores", 1.0, 64.0), ("scene.image.width", 1.5, 16.5)] {
+            study(&format!(r#"{{"path": "{path}", "min": {min}, "max": {max}{draw}}}"#)).ok();
+            for value in drawn() {
+                assert!(value.as_u64().is_some_and(|n| (min..=max).contains(&(n as f64))), "{path}: {value}");
+            }
+        }
+    }
+    study(r#"{"path": "clock_ghz", "min": 1, "max": 2}"#).ok();
+    assert!(drawn().iter().all(|value| value.is_f64() && value.as_f64().is_some_and(|n| n.fract() != 0.0)));
+    study(r#"{"path": "cores", "min": 1.2, "max": 1.8}"#).refused(&["has no whole number in its range"]);
+    study(r#"{"path": "l2.ways", "min": 5, "max": 7, "draw": "power_of_two"}"#)
+        .refused(&["has no power of two in its range"]);
+}
+
+#[test]
 fn unknown_studies_and_options_are_refused() {
     let folder = Folder::new();
     folder.run(&["study", "core"]).refused(&["`core` is no study", "did you mean `cores`?"]);

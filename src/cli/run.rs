@@ -20,11 +20,11 @@ use super::progress::Bar;
 pub(crate) struct RunArgs {
     /// A shipped scene, a scene file (.json) or a model (.obj).
     #[arg(default_value = "saloon-small")]
-    scene: String,
+    scene: PathBuf,
 
     /// A shipped machine or a machine file (.json).
     #[arg(short, long, default_value = "larrabee-24")]
-    machine: String,
+    machine: PathBuf,
 
     /// Change one field of the machine, such as cores=8 or l2.capacity_bytes=524288; may be given again.
     #[arg(long = "set", value_name = "PATH=VALUE")]

@@ -24,23 +24,23 @@ const THUMBNAIL_COLUMNS: u32 = 80;
 pub(crate) enum SceneCommand {
     /// List the shipped scenes, and the views of models that must be found.
     ///
-    /// A model is looked up in the folders of LRBSIM_SCENES, in their order, and then beside the scene file; for a
-    /// shipped view, in the current folder.
+    /// A model is looked up in the folders of LRBSIM_SCENES (configs/scenes/models if that is not set), in their order, and
+    /// then beside the scene file; for a shipped view, in the current folder.
     List,
     /// Print what is in a scene, and what it looks like.
     Show {
         /// A shipped scene, a scene file (.json) or a model (.obj).
-        scene: String,
+        scene: PathBuf,
     },
     /// Check a scene file or a model.
     Check {
         /// A scene file (.json), a model (.obj) or a shipped scene.
-        scene: String,
+        scene: PathBuf,
     },
     /// Write a scene as a model and a scene file that give the same picture.
     Export {
         /// A shipped scene, a scene file (.json) or a model (.obj).
-        scene: String,
+        scene: PathBuf,
         /// Folder for NAME.obj and NAME.json [default: out/<scene>].
         #[arg(short, long, value_name = "DIR")]
         out: Option<PathBuf>,
@@ -60,7 +60,7 @@ pub(crate) fn run(command: &SceneCommand, out: &mut impl Write) -> Result<(), Fa
         SceneCommand::Show { scene } => show(&inputs::scene(scene)?, out)?,
         SceneCommand::Check { scene: name } => {
             let scene = inputs::scene(name)?;
-            writeln!(out, "{name}: sound: {}", summary(&scene))?;
+            writeln!(out, "{}: sound: {}", name.display(), summary(&scene))?;
         }
         SceneCommand::Export { scene: name, out: dir } => {
             let scene = inputs::scene(name)?;

@@ -24,7 +24,7 @@ const CACHE: &str = "out/cache";
 #[derive(Debug, Args)]
 pub(crate) struct StudyArgs {
     /// A shipped study or a study file (.json); see `lrbsim schema study`.
-    study: String,
+    study: PathBuf,
 
     /// Points to run at once, one host thread each [default: the host's threads].
     #[arg(short, long, value_name = "N")]
@@ -86,7 +86,7 @@ pub(crate) fn run(args: &StudyArgs, out: &mut impl Write) -> Result<bool, Failur
 
     let visible = std::io::stderr().is_terminal();
     let bar = Bar::new(visible, args.resume);
-    let mut again = format!("lrbsim study {}", args.study);
+    let mut again = format!("lrbsim study {}", args.study.display());
     for (option, folder) in [("-o", args.out.as_ref()), ("--cache", Some(&args.cache))] {
         if let Some(folder) = folder.filter(|folder| folder.as_path() != Path::new(CACHE)) {
             again += &format!(" {option} {}", folder.display());

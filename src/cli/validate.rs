@@ -15,7 +15,7 @@ use super::Failure;
 pub(crate) struct ValidateArgs {
     /// A shipped machine or a machine file (.json).
     #[arg(short, long, default_value = "knc-5110p")]
-    machine: String,
+    machine: PathBuf,
 
     /// Change one field of the machine; may be given again.
     #[arg(long = "set", value_name = "PATH=VALUE")]
@@ -23,7 +23,7 @@ pub(crate) struct ValidateArgs {
 
     /// Published figures, in the format of configs/targets/knc_measured.json, instead of the shipped ones.
     #[arg(long, value_name = "FILE")]
-    targets: Option<String>,
+    targets: Option<PathBuf>,
 
     /// Only rows whose id contains this.
     #[arg(long, value_name = "PATTERN")]
