@@ -26,7 +26,6 @@ pub mod frames;
 mod host;
 pub mod inputs;
 mod json;
-mod lock;
 pub mod outcomes;
 pub mod progress;
 pub mod published;

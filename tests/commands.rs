@@ -4,7 +4,7 @@ mod common;
 
 use std::process::Stdio;
 
-use common::{Folder, lrbsim, request, run};
+use common::{Folder, lrbsim, names, request, run};
 use lrbsim::{RunRequest, inputs};
 use lrbsim_machine::Fidelity;
 
@@ -77,7 +77,7 @@ fn a_model_needs_no_further_options() {
     folder.write("box.obj", &format!("{corners}{box_faces}"));
     let table = folder.run(&["run", "box.obj", "--size", "80x60"]).ok().stdout();
     assert!(table.contains("80 x 60 pixels"), "{table}");
-    assert!(folder.path("out/box-larrabee-24-sism/image.png").exists());
+    assert!(folder.path("out/box-larrabee-24-sism-size=80x60/image.png").exists());
 }
 
 #[cfg(unix)]
@@ -122,6 +122,7 @@ fn a_run_keeps_files_that_it_does_not_write() {
     assert_eq!(
         folder.names(),
         [
+            "SHA256SUMS",
             "host.json",
             "image.png",
             "light.json",
@@ -131,6 +132,91 @@ fn a_run_keeps_files_that_it_does_not_write() {
             "visibility.png"
         ]
     );
+}
+
+#[test]
+fn results_of_before_do_not_stay_beside_new_ones() {
+    let folder = Folder::new();
+    let quick = ["run", "saloon-orbit", "--size", "16x12", "--fidelity", "functional", "-o", "d"];
+    folder.run(&[&quick[..], &["--frames", "2"]].concat()).ok();
+    folder.run(&["report", "d"]).ok();
+    assert!(folder.path("d/animation.png").exists() && folder.path("d/report.html").exists());
+    let plain = ["SHA256SUMS", "host.json", "image.png", "report.json", "visibility.png"];
+    let tiny = ["run", "tiny", "--fidelity", "functional", "-o", "d"];
+    folder.run(&[&tiny[..], &["--dump"]].concat()).ok();
+    assert!(folder.path("d/visibility.npy").exists() && !folder.path("d/animation.png").exists());
+    // What somebody has put there or changed since is theirs.
+    folder.write("d/notes.txt", "mine");
+    folder.write("d/light.json", "changed");
+    folder.run(&tiny).ok();
+    let mut kept = [&plain[..], &["light.json", "notes.txt"]].concat();
+    kept.sort_unstable();
+    assert_eq!(names(&folder.path("d")), kept);
+    // A model that an earlier run left is spared when it is read.
+    folder.run(&[&tiny[..], &["--dump"]].concat()).ok();
+    let again = ["run", "d/mesh.obj", "--size", "8x8", "--fidelity", "functional", "-o", "d"];
+    folder.run(&again).refused(&["`d/mesh.obj` is an input, and results here would replace it"]);
+}
+
+#[test]
+fn a_what_if_does_not_replace_the_baseline() {
+    let folder = Folder::new();
+    folder.run(&["run", "tiny"]).ok();
+    folder.run(&["run", "tiny", "--set", "cores=8", "--size", "32x24"]).ok();
+    folder.run(&["run", "tiny", "--fidelity", "functional", "--warm-frames", "1"]).ok();
+    let [plain, eight] = ["tiny-larrabee-24-sism", "tiny-larrabee-24-sism-cores=8-size=32x24"];
+    let untimed = "tiny-larrabee-24-sism-fidelity=functional-warm-frames=1";
+    assert_eq!(names(&folder.path("out")), [plain, eight, untimed]);
+    let [plain, eight] = [plain, eight].map(|name| format!("out/{name}"));
+    assert!(folder.run(&["compare", &plain, &eight]).ok().stdout().contains("machine.cores"));
+}
+
+#[test]
+fn results_of_other_inputs_are_not_replaced_without_a_word() {
+    let folder = Folder::new();
+    let corners = "v -1 0 -1\nv 1 0 -1\nv 0 0 1\nv 0 1 0\n";
+    for (name, faces) in [("a", "f 1 2 3\n"), ("b", "f 1 2 3\nf 1 2 4\n")] {
+        std::fs::create_dir(folder.path(name)).expect("the folder can be written");
+        folder.write(&format!("{name}/model.obj"), &format!("{corners}{faces}"));
+    }
+    let run =
+        |model: &str| folder.run(&["run", model, "--size", "8x8", "--fidelity", "functional"]).ok().stdout();
+    assert!(!run("a/model.obj").contains("replaced"));
+    assert!(!run("a/model.obj").contains("replaced"));
+    let printed = run("b/model.obj");
+    assert!(printed.contains("replaced the results of another run (scene.hash was"), "{printed}");
+    assert!(printed.contains("`-o DIR` keeps both"), "{printed}");
+    let study = |cores: u32| {
+        let base = r#"{"scene": "tiny", "fidelity": "functional"}"#;
+        let axes = format!(r#"[{{"path": "cores", "values": [{cores}]}}]"#);
+        folder.write("s.json", &format!(r#"{{"name": "s", "base": {base}, "axes": {axes}}}"#));
+        folder.run(&["study", "s.json"]).ok().stdout()
+    };
+    assert!(!study(1).contains("replaced"));
+    assert!(!study(1).contains("replaced"));
+    assert!(study(2).contains("replaced the results of another study of this name in out/study-s"));
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupt_leaves_nothing_half() {
+    let folder = Folder::new();
+    for signal in ["INT", "TERM"] {
+        // Long enough that it is not over before the signal comes.
+        let mut child = lrbsim()
+            .current_dir(folder.path(""))
+            .args(["run", "saloon-small", "--fidelity", "cycle", "-o", "w"])
+            .stdout(Stdio::null())
+            .spawn()
+            .expect("the binary starts");
+        std::thread::sleep(std::time::Duration::from_millis(500));
+        let id = child.id().to_string();
+        assert!(
+            std::process::Command::new("kill").args(["-s", signal, &id]).status().expect("kill").success()
+        );
+        assert_eq!(child.wait().expect("it ends").code(), Some(130), "{signal}");
+        assert!(folder.names().is_empty(), "{signal}");
+    }
 }
 
 #[test]

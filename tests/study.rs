@@ -288,6 +288,23 @@ fn a_million_points_are_asked_for_twice() {
 }
 
 #[test]
+fn analyses_of_before_do_not_stay_beside_new_ones() {
+    let folder = Folder::new();
+    folder.write("a.json", STUDY);
+    folder.run(&["study", "a.json"]).ok();
+    assert!(folder.path("out/study-small/speedup.csv").exists());
+    folder.write(
+        "b.json",
+        &STUDY.replace(r#"["table", "speedup", "pareto", "power_law", "sensitivity"]"#, r#"["table"]"#),
+    );
+    folder.run(&["study", "b.json"]).ok();
+    assert_eq!(
+        names(&folder.path("out/study-small")),
+        ["SHA256SUMS", "report.html", "study.json", "table.csv", "table.md", "table.png", "table.svg"]
+    );
+}
+
+#[test]
 fn ranges_of_whole_numbers_are_drawn_whole() {
     let folder = Folder::new();
     let study = |axis: &str| {

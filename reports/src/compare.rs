@@ -203,7 +203,7 @@ fn shared_out(whole: i64, weights: &[u64]) -> Vec<i64> {
 }
 
 /// What differs between the inputs of two runs.
-fn inputs(a: &RunReport, b: &RunReport) -> Vec<Difference> {
+pub fn inputs(a: &RunReport, b: &RunReport) -> Vec<Difference> {
     let tree = |report: &RunReport| {
         let mut machine = report.machine.clone();
         machine.sources.clear();
@@ -304,7 +304,7 @@ pub fn render(comparison: &Comparison) -> String {
 }
 
 /// A hash or an object in the width of a column.
-fn shortened(text: &str) -> String {
+pub fn shortened(text: &str) -> String {
     if text.chars().count() <= 40 {
         return text.to_owned();
     }

@@ -1,6 +1,7 @@
 //! Commands and their options. What they do stands in the library; here is only how it is asked for and shown.
 
 mod compare;
+mod interrupt;
 mod machine;
 mod progress;
 mod report;

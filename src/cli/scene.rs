@@ -14,6 +14,7 @@ use lrbsim_workloads::{
 };
 
 use super::Failure;
+use super::interrupt::on_interrupt;
 
 /// Width of the picture that the penumbra share of `show` is taken from.
 const PREVIEW_WIDTH: u32 = 240;
@@ -63,6 +64,7 @@ pub(crate) fn run(command: &SceneCommand, out: &mut impl Write) -> Result<(), Fa
             writeln!(out, "{}: sound: {}", name.display(), summary(&scene))?;
         }
         SceneCommand::Export { scene: name, out: dir } => {
+            on_interrupt(|| ());
             let scene = inputs::scene(name)?;
             let dir = dir.clone().unwrap_or_else(|| Path::new("out").join(&scene.name));
             for path in export(&scene, &inputs::scene_files(name, &scene), &dir)? {
@@ -81,7 +83,7 @@ fn export(scene: &Scene, files_read: &[PathBuf], dir: &Path) -> Result<Vec<PathB
     let mut text = scene_json(scene, &model);
     text.push('\n');
     dir.stage(&file, text.as_bytes())?;
-    Ok(dir.commit()?)
+    Ok(dir.add()?)
 }
 
 fn summary(scene: &Scene) -> String {

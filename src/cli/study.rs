@@ -8,12 +8,14 @@ use std::time::Duration;
 use clap::{Args, ValueEnum};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use lrbsim::BadInput;
+use lrbsim::outcomes::replaced_study;
 use lrbsim::results::spare_inputs;
 use lrbsim::study::{self, Options, Progress, Status, Study, run_study};
 use lrbsim_reports::analysis::findings;
 use lrbsim_reports::files::ResultDir;
 
 use super::Failure;
+use super::interrupt::on_interrupt;
 
 /// Points at once at most: a host has no more threads.
 const JOBS_MAX: usize = 1024;
@@ -98,6 +100,7 @@ pub(crate) fn run(args: &StudyArgs, out: &mut impl Write) -> Result<bool, Failur
     bar.finish();
 
     let status = output.status;
+    let replaced = replaced_study(&target, &output.report);
     let paths = study::write(&target, &output.report)?;
     if args.json {
         out.write_all(output.report.to_json().as_bytes())?;
@@ -122,6 +125,9 @@ pub(crate) fn run(args: &StudyArgs, out: &mut impl Write) -> Result<bool, Failur
     )?;
     let page = target.join("report.html");
     writeln!(out, "wrote {}, study.json and {} more files beside it", page.display(), paths.len() - 2)?;
+    if let Some(replaced) = replaced {
+        writeln!(out, "{replaced}")?;
+    }
     Ok(status.failed == 0)
 }
 
@@ -150,7 +156,7 @@ impl Bar {
         self.bar.finish_and_clear();
     }
 
-    /// On Ctrl-C, says what is kept and how to go on.
+    /// On an interrupt, says what is kept and how to go on.
     fn on_interrupt(&self, again: &str, cache: &Path) {
         let (bar, state) = (self.bar.clone(), self.state.clone());
         let text = format!("finished points are kept in {}; `{again}` goes on from there", cache.display());
@@ -159,10 +165,8 @@ impl Bar {
             let status = state.lock().ok().and_then(|status| *status).unwrap_or_default();
             let done = status.found + status.computed;
             eprintln!("stopped with {done} of {} points finished; {text}", status.points);
-            std::process::exit(130);
         };
-        // Without a handler, Ctrl-C still keeps what is finished; it only does not say so.
-        let _ = ctrlc::set_handler(handler);
+        on_interrupt(handler);
     }
 }
 

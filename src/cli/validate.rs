@@ -10,6 +10,7 @@ use lrbsim_machine::Fidelity;
 use lrbsim_reports::files::ResultDir;
 
 use super::Failure;
+use super::interrupt::on_interrupt;
 
 #[derive(Debug, Args)]
 pub(crate) struct ValidateArgs {
@@ -44,6 +45,7 @@ pub(crate) struct ValidateArgs {
 
 /// Runs the benchmarks; false when a row that must pass does not.
 pub(crate) fn run(args: &ValidateArgs, out: &mut impl Write) -> Result<bool, Failure> {
+    on_interrupt(|| ());
     let fidelity: Fidelity = args
         .fidelity
         .parse()
