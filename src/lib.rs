@@ -36,6 +36,6 @@ pub mod validate;
 
 pub use algorithm::Algorithm;
 pub use error::BadInput;
-pub use frame::{Frame, HostOptions, RunOutput, RunRequest, run_frame};
+pub use frame::{Frame, HostOptions, RunOutput, RunRequest, SEMANTICS, run_frame};
 pub use inputs::Machine;
 pub use settings::Setting;

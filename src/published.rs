@@ -10,8 +10,8 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::error::BadInput;
+use crate::frame::SEMANTICS;
 use crate::json;
-use crate::study::SEMANTICS;
 
 /// Name of the manifest in its folder.
 pub const MANIFEST: &str = "manifest.json";

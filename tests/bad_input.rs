@@ -74,6 +74,17 @@ fn lights_without_kernels_are_refused() {
 }
 
 #[test]
+fn a_slip_in_a_number_is_refused() {
+    let folder = Folder::new();
+    refused(&folder, &["tiny", "--warm-frames", "100000"], &["100000 warm frames", "at most 1000"]);
+    refused(
+        &folder,
+        &["tiny", "--set", "ring.bytes_per_cycle=63"],
+        &["`ring.bytes_per_cycle` is 63; it must be a power of two from 1 to 64"],
+    );
+}
+
+#[test]
 fn a_byte_order_mark_is_no_part_of_a_file() {
     let folder = Folder::new();
     let mark = "\u{feff}";

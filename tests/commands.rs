@@ -197,6 +197,24 @@ fn results_of_other_inputs_are_not_replaced_without_a_word() {
     assert!(study(2).contains("replaced the results of another study of this name in out/study-s"));
 }
 
+#[test]
+fn suspicious_results_carry_a_warning() {
+    let folder = Folder::new();
+    let kinds = |args: &[&str]| -> Vec<String> {
+        let all = [&["run"], args, &["--fidelity", "functional", "--json"]].concat();
+        let report: serde_json::Value = serde_json::from_str(&folder.run(&all).ok().stdout()).expect("JSON");
+        let warnings = report["warnings"].as_array().expect("a list").iter();
+        warnings.map(|warning| warning["kind"].as_str().expect("a name").to_owned()).collect()
+    };
+    assert!(kinds(&["tiny"]).is_empty());
+    assert_eq!(kinds(&["tiny", "--light-radius", "1000"]), ["light_in_geometry"]);
+    let scene = lrbsim_workloads::builtin_scene("tiny").expect("shipped");
+    folder.write("away.json", &scene.replace(r#""target": [0.0, 0.5, -0.3]"#, r#""target": [0.3, 50, 3.7]"#));
+    assert_eq!(kinds(&["away.json"]), ["nothing_seen"]);
+    let printed = folder.run(&["run", "away.json"]).ok().stdout();
+    assert!(printed.contains("warning: the camera sees no surface"), "{printed}");
+}
+
 #[cfg(unix)]
 #[test]
 fn an_interrupt_leaves_nothing_half() {

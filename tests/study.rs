@@ -337,11 +337,40 @@ fn ranges_of_whole_numbers_are_drawn_whole() {
 }
 
 #[test]
+fn what_cannot_be_meant_is_refused() {
+    let folder = Folder::new();
+    let study = |name: &str, base: &str, axes: &str, analysis: &str| {
+        let text =
+            format!(r#"{{"name": "{name}", "base": {base}, "axes": [{axes}], "analysis": ["{analysis}"]}}"#);
+        folder.write("study.json", &text);
+        folder.run(&["study", "study.json"])
+    };
+    let (tiny, cores) = (r#"{"scene": "tiny"}"#, r#"{"path": "cores", "values": [1, 2]}"#);
+    for name in ["a/../b", "", ".hidden"] {
+        study(name, tiny, cores, "table").refused(&["it must be a name for a folder", "study.json:1:10"]);
+    }
+    study("x", tiny, r#"{"path": "cores", "values": [1, 1.0]}"#, "table")
+        .refused(&["the axis `cores` has the value 1.0 twice", "study.json:1:"]);
+    let untimed = r#"{"scene": "tiny", "fidelity": "functional"}"#;
+    study("x", untimed, cores, "speedup").refused(&["functional runs have no times"]);
+    let many = r#"{"scene": "tiny", "warm_frames": 100000}"#;
+    study("x", many, cores, "table").refused(&["100000 warm frames; there must be at most 1000"]);
+    let ring = r#"{"path": "ring.bytes_per_cycle", "values": [63]}"#;
+    assert_eq!(study("x", tiny, ring, "table").code(), Some(1));
+    // The scene that a study does not name is said.
+    let printed = study("x", r#"{"fidelity": "functional"}"#, r#"{"path": "cores", "values": [1]}"#, "table")
+        .ok()
+        .stdout();
+    assert!(printed.starts_with("Study x: saloon-small on larrabee-24, sism, functional"), "{printed}");
+}
+
+#[test]
 fn unknown_studies_and_options_are_refused() {
     let folder = Folder::new();
     folder.run(&["study", "core"]).refused(&["`core` is no study", "did you mean `cores`?"]);
     folder.run(&["study", "cores", "-j", "0"]).refused(&["`--jobs` is 0; it must be from 1 to 1024"]);
     folder.run(&["study", "cores", "--engine", "slurm"]).refused(&["not in this version"]);
+    assert!(!folder.run(&["study", "--help"]).ok().stdout().to_lowercase().contains("slurm"));
     folder.write("file", "");
     folder.run(&["study", "cores", "--cache", "file"]).refused(&["cannot create the cache"]);
     folder.run(&["study", "cores", "-o", "file"]).refused(&["cannot create file"]);

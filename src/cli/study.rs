@@ -61,7 +61,8 @@ pub(crate) struct StudyArgs {
 enum EngineName {
     /// This machine.
     Local,
-    /// A cluster that runs Slurm.
+    /// A cluster that runs Slurm: not in this version, and not in its help.
+    #[value(hide = true)]
     Slurm,
 }
 
@@ -106,6 +107,18 @@ pub(crate) fn run(args: &StudyArgs, out: &mut impl Write) -> Result<bool, Failur
         out.write_all(output.report.to_json().as_bytes())?;
         return Ok(status.failed == 0);
     }
+    let base = &output.report.study.base;
+    let set: Vec<String> = base.set.iter().map(|(path, value)| format!(", {path} = {value}")).collect();
+    writeln!(
+        out,
+        "Study {}: {} on {}, {}, {}{}\n",
+        output.report.study.name,
+        base.scene,
+        base.machine,
+        base.algorithm,
+        base.fidelity,
+        set.concat()
+    )?;
     for (index, finding) in findings(&output.report).iter().enumerate() {
         let gap = if index > 0 { "\n" } else { "" };
         writeln!(out, "{gap}{}\n\n{}", finding.title, finding.sheet.terminal())?;

@@ -15,12 +15,8 @@ use lrbsim_workloads::Scene;
 use serde::{Deserialize, Serialize};
 
 use crate::error::BadInput;
-use crate::frame::scene_hash;
+use crate::frame::{SEMANTICS, scene_hash};
 use lrbsim_reports::lock::Lock;
-
-/// Version of what the simulator's numbers mean. Raise it whenever the same inputs give other numbers: finished points of
-/// an older version are then run again. The test `results_that_change_raise_the_version` reminds of it.
-pub const SEMANTICS: u32 = 4;
 
 /// A folder of finished points.
 #[derive(Debug, Clone)]

@@ -3,8 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use lrbsim_kernels::sism;
+use lrbsim_machine::Fidelity;
 use lrbsim_reports::dictionary;
-use lrbsim_reports::study::{Draw, Sampling, StudyAxis, StudyFile};
+use lrbsim_reports::study::{AnalysisKind, Draw, Sampling, StudyAxis, StudyFile};
 
 use super::points::{self, Point};
 use super::recipe::{Fault, Recipe, Refusal};
@@ -62,6 +63,13 @@ impl Study {
             Some(span) => bad.at(shown, text, span, label.to_owned()),
             None => bad,
         };
+        if file.name.is_empty() || file.name.contains(['/', '\\']) || file.name.starts_with('.') {
+            let bad = BadInput::new(format!(
+                "`name` is `{}`; it must be a name for a folder, without `/` and not beginning with a dot",
+                file.name
+            ));
+            return Err(at(bad, "name", "this name"));
+        }
         check_axes(&file, &at)?;
 
         // How many, before the list of them is made.
@@ -195,6 +203,8 @@ fn check_numbers(file: &StudyFile, at: &dyn Fn(BadInput, &str, &str) -> BadInput
         check(column, &format!("columns[{index}]"), &[])?;
     }
     let axes: Vec<String> = file.axes.iter().map(|axis| axis.path.clone()).collect();
+    let untimed =
+        file.base.fidelity == Fidelity::Functional.to_string() && !axes.iter().any(|axis| axis == "fidelity");
     for (index, entry) in file.analysis.iter().enumerate() {
         let analysis = entry.options();
         if let Some(x) = &analysis.x {
@@ -203,8 +213,23 @@ fn check_numbers(file: &StudyFile, at: &dyn Fn(BadInput, &str, &str) -> BadInput
         if let Some(y) = &analysis.y {
             check(y, &format!("analysis[{index}].y"), &[])?;
         }
+        let measured = analysis.y.as_ref().unwrap_or(&file.metric);
+        if analysis.kind != AnalysisKind::Table && untimed && is_timed(measured) {
+            let bad = BadInput::new(format!("`{measured}` is what this analysis is of, and functional runs have no times"))
+                .with_help("take another fidelity, or `\"metric\": \"phases.soft.instructions.total\"` or another number without time");
+            return Err(at(bad, &format!("analysis[{index}]"), "nothing to analyze"));
+        }
     }
     Ok(())
+}
+
+/// Whether the number at `path` is null where nothing is timed.
+fn is_timed(path: &str) -> bool {
+    match path.split('.').collect::<Vec<_>>()[..] {
+        ["total", ..] => true,
+        ["phases", _, part, ..] => !["steps", "tasks", "instructions", "lanes"].contains(&part),
+        _ => false,
+    }
 }
 
 /// Axes have values, or a range where ranges are drawn from; each path once; lists are of one length.
@@ -218,6 +243,8 @@ fn check_axes(file: &StudyFile, at: &dyn Fn(BadInput, &str, &str) -> BadInput) -
         ));
     }
     let random = matches!(file.sampling, Sampling::Random { .. });
+    // A list takes one value of each axis at a time, so that one may come again beside another.
+    let is_list = file.sampling == Sampling::List;
     for (index, axis) in file.axes.iter().enumerate() {
         let place = format!("axes[{index}]");
         let path = &axis.path;
@@ -225,6 +252,13 @@ fn check_axes(file: &StudyFile, at: &dyn Fn(BadInput, &str, &str) -> BadInput) -
             let bad = BadInput::new(format!("the axis `{path}` is there twice"))
                 .with_help("put all values in one axis");
             return Err(at(bad, &format!("{place}.path"), "there already"));
+        }
+        for (number, value) in axis.values.iter().enumerate() {
+            if axis.values[..number].iter().any(|earlier| points::same(earlier, value)) && !is_list {
+                let bad = BadInput::new(format!("the axis `{path}` has the value {value} twice"))
+                    .with_help("remove one of them: a point is run once");
+                return Err(at(bad, &format!("{place}.values[{number}]"), "there already"));
+            }
         }
         match (axis.values.is_empty(), axis.min, axis.max) {
             (false, None, None) => {}

@@ -15,7 +15,7 @@ mod run;
 
 use std::path::{Path, PathBuf};
 
-pub use cache::{Cache, SEMANTICS};
+pub use cache::Cache;
 pub use file::{Study, builtin_study_names};
 pub use forecast::Forecast;
 pub use recipe::Recipe;

@@ -67,7 +67,7 @@ pub fn expand(file: &StudyFile, base: &Recipe, whole: &[bool]) -> Result<Vec<Poi
 }
 
 /// 24 and 24.0 are one value.
-fn same(a: &Value, b: &Value) -> bool {
+pub fn same(a: &Value, b: &Value) -> bool {
     a == b || (a.is_number() && a.as_f64() == b.as_f64())
 }
 

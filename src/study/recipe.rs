@@ -11,6 +11,7 @@ use serde_json::Value;
 
 use crate::algorithm::Algorithm;
 use crate::error::BadInput;
+use crate::frame::check_warm_frames;
 use crate::inputs::{self, Machine};
 use crate::settings::{Setting, nearest_first};
 
@@ -73,7 +74,7 @@ impl Recipe {
         self.machine()?;
         self.algorithm()?;
         self.fidelity()?;
-        Ok(())
+        check_warm_frames(self.warm_frames)
     }
 
     /// Tries the scene, as far as can be without making its triangles.
@@ -119,6 +120,7 @@ impl Recipe {
                 self.warm_frames = frames.ok_or_else(|| {
                     wrong(BadInput::new(format!("{said}: `warm_frames` must be a whole number, 0 or more")))
                 })?;
+                check_warm_frames(self.warm_frames).map_err(wrong)?;
             }
             ("time", "") => {
                 let time = value.as_f64().filter(|time| (0.0..=1.0).contains(time));

@@ -11,14 +11,14 @@ use lrbsim_machine::Fidelity;
 use lrbsim_reports::study::{STUDY_SCHEMA_VERSION, StudyPoint, StudyReport};
 use lrbsim_workloads::Scene;
 
-use super::cache::{Cache, Entry, Inputs, SEMANTICS, SceneName};
+use super::cache::{Cache, Entry, Inputs, SceneName};
 use super::file::Study;
 use super::forecast::Forecast;
 use super::memory;
 use super::points::Point;
 use super::recipe::Recipe;
 use crate::error::BadInput;
-use crate::frame::{HostOptions, RunRequest, machine_hash, run_frame};
+use crate::frame::{HostOptions, RunRequest, SEMANTICS, machine_hash, run_frame};
 use crate::host::Stopwatch;
 use crate::inputs::Machine;
 use crate::progress::Quiet;

@@ -71,6 +71,8 @@ fn unsound_numbers_are_refused_by_path() {
         ("l2.hit_cycles", |c| c.l2.hit_cycles = 3),
         ("l2.mshrs", |c| c.l2.mshrs = 0),
         ("ring.bytes_per_cycle", |c| c.ring.bytes_per_cycle = 0),
+        ("ring.bytes_per_cycle", |c| c.ring.bytes_per_cycle = 63),
+        ("ring.bytes_per_cycle", |c| c.ring.bytes_per_cycle = 128),
         ("ring.cores_per_ring", |c| c.ring.cores_per_ring = 0),
         ("core.l1_accesses_per_cycle", |c| c.core.l1_accesses_per_cycle = 5),
         ("memory.write_buffer_lines", |c| c.memory.write_buffer_lines = 0),
