@@ -56,7 +56,7 @@ fn every_number_has_a_source_and_every_source_a_field() {
 #[test]
 fn unsound_numbers_are_refused_by_path() {
     type Edit = fn(&mut MachineConfig);
-    let cases: [(&str, Edit); 20] = [
+    let cases: [(&str, Edit); 22] = [
         ("name", |c| c.name = " ".to_owned()),
         ("cores", |c| c.cores = 0),
         ("threads_per_core", |c| c.threads_per_core = 0),
