@@ -6,7 +6,9 @@ use lrbsim_kernels::sism;
 use lrbsim_machine::{Fidelity, PhaseCounters};
 use lrbsim_reports::counters::{Clock, PhaseName, phase_reports};
 use lrbsim_reports::picture;
-use lrbsim_reports::run::{ImageSummary, Provenance, RunReport, SCHEMA_VERSION, SceneSummary, Total};
+use lrbsim_reports::run::{
+    ImageSummary, Provenance, RunReport, SCHEMA_VERSION, SceneSummary, Total, Warning, WarningKind,
+};
 use lrbsim_reports::{HostReport, picture::NOTHING_HIT};
 use lrbsim_workloads::{Adjacency, EyeView, Scene, ShadowInput, silhouette_edges};
 
@@ -16,6 +18,13 @@ use crate::error::BadInput;
 use crate::host::{Stopwatch, peak_rss_bytes};
 use crate::inputs::Machine;
 use crate::progress::Progress;
+
+/// Version of what the simulator's numbers mean. Raise it whenever the same inputs give other numbers: finished points of
+/// an older version are then run again. The test `results_that_change_raise_the_version` reminds of it.
+pub const SEMANTICS: u32 = 4;
+
+/// Frames at most before the measured one: the caches are as warm as they get after a few.
+const WARM_FRAMES_MAX: u32 = 1000;
 
 /// Everything that determines a run.
 #[derive(Debug, Clone)]
@@ -82,6 +91,7 @@ pub struct Frame {
 pub fn run_frame(request: &RunRequest, progress: &dyn Progress) -> Result<RunOutput, BadInput> {
     let watch = Stopwatch::start();
     let RunRequest { scene, machine, fidelity, host, .. } = request;
+    check_warm_frames(request.warm_frames)?;
 
     // What the eye sees: on the host, untimed, as in the paper.
     progress.part("eye view");
@@ -114,6 +124,15 @@ pub fn run_frame(request: &RunRequest, progress: &dyn Progress) -> Result<RunOut
         host_simd: host.simd.to_string(),
     };
     Ok(RunOutput { report, host, frame })
+}
+
+/// Refuses a number of warm frames that is a slip.
+pub(crate) fn check_warm_frames(frames: u32) -> Result<(), BadInput> {
+    if frames <= WARM_FRAMES_MAX {
+        return Ok(());
+    }
+    Err(BadInput::new(format!("{frames} warm frames; there must be at most {WARM_FRAMES_MAX}"))
+        .with_help("the caches are as warm as they get after a few"))
 }
 
 /// Runs `work`, and what it runs in parallel, on at most `threads` host threads.
@@ -212,6 +231,7 @@ fn report(request: &RunRequest, eye: &EyeView, simulated: &Simulated, frame: &Fr
         schema_version: SCHEMA_VERSION,
         provenance: Provenance {
             lrbsim_version: env!("CARGO_PKG_VERSION").to_owned(),
+            semantics: SEMANTICS,
             machine_hash: machine_hash(machine),
             scene_hash: scene_hash(scene),
             algorithm: request.algorithm.to_string(),
@@ -233,7 +253,29 @@ fn report(request: &RunRequest, eye: &EyeView, simulated: &Simulated, frame: &Fr
         phases,
         image: ImageSummary::of(&frame.visibility),
         model_error: crate::validate::model_error(),
+        warnings: warnings(scene, eye),
     }
+}
+
+/// What makes the result of a frame suspicious.
+fn warnings(scene: &Scene, eye: &EyeView) -> Vec<Warning> {
+    let warning = |kind, message: &str| Warning { kind, message: message.to_owned() };
+    let mut warnings = Vec::new();
+    if eye.points.is_empty() {
+        warnings.push(warning(
+            WarningKind::NothingSeen,
+            "the camera sees no surface, so that nothing is shadowed: turn `camera.target` to the model; \
+             `lrbsim scene show` shows the view",
+        ));
+    }
+    if scene.light.touches(&scene.mesh) {
+        warnings.push(warning(
+            WarningKind::LightInGeometry,
+            "the light reaches into the geometry, and what is inside it has no shadow that means anything: make it \
+             smaller or move it",
+        ));
+    }
+    warnings
 }
 
 /// Names a machine by every number that timing depends on; where the numbers are from does not matter.

@@ -7,7 +7,8 @@ use crate::json::{self, Spots};
 use crate::settings::{self, Setting, distance};
 use lrbsim_machine::{MachineConfig, MachineSpec, builtin_machine, builtin_machine_names};
 use lrbsim_workloads::scene::{
-    builtin_names, builtin_scene, model_names, parse_scene, validate, validate_light_size,
+    builtin_names, builtin_scene, find_bare_model, find_model, model_names, parse_scene, validate,
+    validate_light_size,
 };
 use lrbsim_workloads::{Scene, SceneError, SceneFile, load_scene};
 
@@ -22,14 +23,12 @@ pub struct Machine {
 
 impl Machine {
     /// Loads a shipped machine by name or one from a JSON file, and applies `settings` in order.
-    pub fn load(name: &str, settings: &[Setting]) -> Result<Machine, BadInput> {
-        let (file, text) = match builtin_machine(name) {
-            Some(text) => (format!("{name}.json"), text.to_owned()),
-            None if looks_like_file(name, "json") => {
-                let text = std::fs::read_to_string(name)
-                    .map_err(|error| BadInput::unreadable(Path::new(name), &error))?;
-                (name.to_owned(), text)
-            }
+    pub fn load(name: impl AsRef<Path>, settings: &[Setting]) -> Result<Machine, BadInput> {
+        let name = name.as_ref();
+        let shown = name.display();
+        let (file, text) = match name.to_str().and_then(builtin_machine) {
+            Some(text) => (format!("{shown}.json"), text.to_owned()),
+            None if looks_like_file(name, "json") => (shown.to_string(), json::text(name)?),
             None => return Err(unknown_name(name, "machine", "FILE.json", builtin_machine_names())),
         };
         Machine::from_text(&file, &text, settings)
@@ -83,14 +82,16 @@ fn apply(config: &MachineConfig, settings: &[Setting]) -> Result<MachineConfig, 
     Ok(config)
 }
 
-pub(crate) fn looks_like_file(name: &str, extension: &str) -> bool {
-    let path = Path::new(name);
-    path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension))
-        || name.contains(['/', '\\'])
-        || path.is_file()
+pub(crate) fn looks_like_file(path: &Path, extension: &str) -> bool {
+    has_extension(path, extension) || path.components().count() > 1 || path.is_file()
 }
 
-pub(crate) fn unknown_name(name: &str, what: &str, files: &str, known: &[&str]) -> BadInput {
+fn has_extension(path: &Path, extension: &str) -> bool {
+    path.extension().is_some_and(|found| found.eq_ignore_ascii_case(extension))
+}
+
+pub(crate) fn unknown_name(name: &Path, what: &str, files: &str, known: &[&str]) -> BadInput {
+    let name = &*name.to_string_lossy();
     let message = format!("`{name}` is no {what}; it must be {files} or one of: {}", known.join(", "));
     let bad = BadInput::new(message);
     match known.iter().min_by_key(|candidate| distance(name, candidate)) {
@@ -102,31 +103,38 @@ pub(crate) fn unknown_name(name: &str, what: &str, files: &str, known: &[&str]) 
 }
 
 /// Loads a scene: a shipped one by name, a scene file (`.json`) or a model (`.obj`).
-pub fn scene(name: &str) -> Result<Scene, BadInput> {
-    if builtin_scene(name).is_some() {
-        return load_scene(name, Path::new("")).map_err(|error| BadInput::new(error.to_string()));
+pub fn scene(name: impl AsRef<Path>) -> Result<Scene, BadInput> {
+    let path = name.as_ref();
+    if shipped_scene(path).is_some() {
+        return load_scene(path, Path::new("")).map_err(|error| BadInput::new(error.to_string()));
     }
-    if !looks_like_file(name, "json") && !looks_like_file(name, "obj") {
+    if !looks_like_file(path, "json") && !looks_like_file(path, "obj") {
         let known = [builtin_names(), model_names()].concat();
-        return Err(unknown_name(name, "scene", "FILE.json, FILE.obj", &known));
+        return Err(unknown_name(path, "scene", "FILE.json, FILE.obj", &known));
     }
-    let path = Path::new(name);
-    if !path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json")) {
-        return load_scene(name, Path::new("")).map_err(|error| bad_scene(name, None, &error));
+    let shown = path.display().to_string();
+    if !has_extension(path, "json") {
+        return load_scene(path, Path::new("")).map_err(|error| bad_scene(&shown, None, &error));
     }
-    let text = std::fs::read_to_string(path).map_err(|error| BadInput::unreadable(path, &error))?;
+    let text = json::text(path)?;
     // Checked here first: these errors then have a place in the file.
-    let file: SceneFile = json::read(name, &text)?;
-    validate(&file).map_err(|error| bad_scene(name, Some(&text), &error))?;
-    let stem = path.file_stem().map_or_else(|| name.to_owned(), |stem| stem.to_string_lossy().into_owned());
+    let file: SceneFile = json::read(&shown, &text)?;
+    validate(&file).map_err(|error| bad_scene(&shown, Some(&text), &error))?;
+    let stem = path.file_stem().map_or_else(|| shown.clone(), |stem| stem.to_string_lossy().into_owned());
     parse_scene(&text, &stem, path.parent().unwrap_or(Path::new("")))
-        .map_err(|error| bad_scene(name, Some(&text), &error))
+        .map_err(|error| bad_scene(&shown, Some(&text), &error))
+}
+
+/// Text of the shipped scene of this name.
+fn shipped_scene(name: &Path) -> Option<&'static str> {
+    name.to_str().and_then(builtin_scene)
 }
 
 /// Loads a scene as [`scene`] does and applies `settings` in order: fields of its scene file, such as `light.radius`.
 ///
 /// A model has no scene file: its camera, picture size and light can be set.
-pub fn scene_with(name: &str, settings: &[Setting]) -> Result<Scene, BadInput> {
+pub fn scene_with(name: impl AsRef<Path>, settings: &[Setting]) -> Result<Scene, BadInput> {
+    let name = name.as_ref();
     let mut scene = scene(name)?;
     if settings.is_empty() {
         return Ok(scene);
@@ -140,7 +148,7 @@ pub fn scene_with(name: &str, settings: &[Setting]) -> Result<Scene, BadInput> {
         |error: SceneError| BadInput::new(error.to_string()).with_help(format!("set by {}", said()));
     if file.mesh != before.mesh {
         let text = serde_json::to_string(&file).expect("a scene has string keys");
-        let folder = Path::new(name).parent().unwrap_or(Path::new(""));
+        let folder = name.parent().unwrap_or(Path::new(""));
         return parse_scene(&text, &scene.name, folder).map_err(unsound);
     }
     validate(&file).and_then(|()| validate_light_size(&file.light, &scene.mesh)).map_err(unsound)?;
@@ -150,10 +158,10 @@ pub fn scene_with(name: &str, settings: &[Setting]) -> Result<Scene, BadInput> {
 }
 
 /// Checks `settings` of the scene `name` without making its triangles. With an error comes whether all paths were found.
-pub(crate) fn check_scene_settings(name: &str, settings: &[Setting]) -> Result<(), (BadInput, bool)> {
+pub(crate) fn check_scene_settings(name: &Path, settings: &[Setting]) -> Result<(), (BadInput, bool)> {
     // What is wrong with the scene itself is not the fault of a path.
     let file = match scene_file_text(name).map_err(|bad| (bad, true))? {
-        Some(text) => json::read(name, &text).map_err(|bad| (bad, true))?,
+        Some(text) => json::read(&name.display().to_string(), &text).map_err(|bad| (bad, true))?,
         None => scene(name).map(|scene| file_of_model(&scene)).map_err(|bad| (bad, true))?,
     };
     let mut tree = serde_json::to_value::<SceneFile>(file).expect("a scene has string keys");
@@ -163,24 +171,19 @@ pub(crate) fn check_scene_settings(name: &str, settings: &[Setting]) -> Result<(
 }
 
 /// The scene file of a scene; for a model, the one that would give the same view of it.
-fn scene_file(name: &str, scene: &Scene) -> Result<SceneFile, BadInput> {
+fn scene_file(name: &Path, scene: &Scene) -> Result<SceneFile, BadInput> {
     match scene_file_text(name)? {
-        Some(text) => json::read(name, &text),
+        Some(text) => json::read(&name.display().to_string(), &text),
         None => Ok(file_of_model(scene)),
     }
 }
 
 /// Text of the scene file `name`; `None` for a model.
-fn scene_file_text(name: &str) -> Result<Option<String>, BadInput> {
-    if let Some(text) = builtin_scene(name) {
+fn scene_file_text(name: &Path) -> Result<Option<String>, BadInput> {
+    if let Some(text) = shipped_scene(name) {
         return Ok(Some(text.to_owned()));
     }
-    if !Path::new(name).extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json")) {
-        return Ok(None);
-    }
-    let text =
-        std::fs::read_to_string(name).map_err(|error| BadInput::unreadable(Path::new(name), &error))?;
-    Ok(Some(text))
+    if has_extension(name, "json") { json::text(name).map(Some) } else { Ok(None) }
 }
 
 /// The scene file that would give the same view of a model.
@@ -195,19 +198,20 @@ fn file_of_model(scene: &Scene) -> SceneFile {
 }
 
 /// The files that `scene` was read from when it was asked for as `name`.
-pub fn scene_files(name: &str, scene: &Scene) -> Vec<PathBuf> {
-    if builtin_scene(name).is_some() {
-        return Vec::new();
+pub fn scene_files(name: &Path, scene: &Scene) -> Vec<PathBuf> {
+    let shipped = shipped_scene(name).is_some();
+    if !shipped && !has_extension(name, "json") {
+        return vec![find_bare_model(name, Path::new(""))];
     }
-    let path = Path::new(name);
-    // Of a model itself, the source is its own name again; what is made by code names no file.
-    let mesh = path.parent().unwrap_or(Path::new("")).join(&scene.source);
-    vec![path.to_owned(), mesh]
+    // What is made by code names no file, and is found nowhere.
+    let beside = if shipped { Path::new("") } else { name.parent().unwrap_or(Path::new("")) };
+    let model = find_model(&scene.source, beside).ok();
+    (!shipped).then(|| name.to_owned()).into_iter().chain(model).collect()
 }
 
 /// The file that the machine `name` was read from.
-pub fn machine_file(name: &str) -> Option<PathBuf> {
-    builtin_machine(name).is_none().then(|| PathBuf::from(name))
+pub fn machine_file(name: &Path) -> Option<PathBuf> {
+    name.to_str().and_then(builtin_machine).is_none().then(|| name.to_owned())
 }
 
 /// An error of a scene, with its place in the scene file where there is one.

@@ -1,6 +1,7 @@
 //! JSON input, with the place in the text of whatever is wrong with it.
 
 use std::ops::Range;
+use std::path::Path;
 
 use serde::de::DeserializeOwned;
 
@@ -131,6 +132,21 @@ impl Scanner<'_> {
         self.at += 1;
         Some(())
     }
+}
+
+/// Text of a JSON file, without the byte order mark that some editors put first.
+pub fn text(path: &Path) -> Result<String, BadInput> {
+    let bytes = std::fs::read(path).map_err(|error| BadInput::unreadable(path, &error))?;
+    if bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff") {
+        return Err(BadInput::new(format!("`{}` is UTF-16 text; it must be UTF-8", path.display()))
+            .with_help("editors name the encoding where they save a file"));
+    }
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&bytes);
+    let text = std::str::from_utf8(bytes).map_err(|error| {
+        let line = 1 + bytes[..error.valid_up_to()].iter().filter(|byte| **byte == b'\n').count();
+        BadInput::new(format!("`{}` is not UTF-8 text: a wrong byte in line {line}", path.display()))
+    })?;
+    Ok(text.to_owned())
 }
 
 /// Reads a `T` from the text of `file`; every error points into the text.

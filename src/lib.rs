@@ -26,7 +26,6 @@ pub mod frames;
 mod host;
 pub mod inputs;
 mod json;
-mod lock;
 pub mod outcomes;
 pub mod progress;
 pub mod published;
@@ -37,6 +36,6 @@ pub mod validate;
 
 pub use algorithm::Algorithm;
 pub use error::BadInput;
-pub use frame::{Frame, HostOptions, RunOutput, RunRequest, run_frame};
+pub use frame::{Frame, HostOptions, RunOutput, RunRequest, SEMANTICS, run_frame};
 pub use inputs::Machine;
 pub use settings::Setting;

@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use lrbsim_reports::RunReport;
-use lrbsim_reports::compare::{Comparison, PictureChange, compare, picture_change, sum};
+use lrbsim_reports::compare::{Comparison, PictureChange, compare, inputs, picture_change, shortened, sum};
+use lrbsim_reports::sheet::show_value;
 use lrbsim_reports::study::StudyReport;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
@@ -57,7 +58,7 @@ impl Written {
         } else {
             path.to_owned()
         };
-        let text = std::fs::read_to_string(&file).map_err(|error| BadInput::unreadable(&file, &error))?;
+        let text = json::text(&file)?;
         let shown = file.display().to_string();
         // Which of the two it is, its fields tell.
         let tree: Value = json::read(&shown, &text)?;
@@ -76,6 +77,44 @@ fn read_versioned<T: DeserializeOwned>(shown: &str, text: &str) -> Result<T, Bad
             "results of another version of lrbsim may have other fields; make them again with this one",
         )
     })
+}
+
+/// Says which results of other inputs are in `folder`, before `report` replaces them.
+pub fn replaced_run(folder: &Path, report: &RunReport) -> Option<String> {
+    replaced(folder, "report.json", |before: &RunReport| {
+        let differences = inputs(before, report);
+        let said: Vec<String> = differences
+            .iter()
+            .take(2)
+            .map(|one| format!("{} was {}", one.path, shortened(&show_value(&one.a))))
+            .collect();
+        let more = match differences.len().saturating_sub(said.len()) {
+            0 => String::new(),
+            more => format!(" and {more} more"),
+        };
+        (!said.is_empty()).then(|| format!("of another run ({}{more})", said.join(", ")))
+    })
+}
+
+/// Says whether results of another study are in `folder`, before `report` replaces them.
+pub fn replaced_study(folder: &Path, report: &StudyReport) -> Option<String> {
+    replaced(folder, "study.json", |before: &StudyReport| {
+        (before.study != report.study).then(|| "of another study of this name".to_owned())
+    })
+}
+
+/// What is said of the results `name` in `folder`; `differs` says what they are of, where that is not the same.
+fn replaced<T: DeserializeOwned>(
+    folder: &Path,
+    name: &str,
+    differs: impl Fn(&T) -> Option<String>,
+) -> Option<String> {
+    let text = json::text(&folder.join(name)).ok()?;
+    let what = match json::read(name, &text) {
+        Ok(before) => differs(&before)?,
+        Err(_) => "of another version of lrbsim".to_owned(),
+    };
+    Some(format!("replaced the results {what} in {}; `-o DIR` keeps both", folder.display()))
 }
 
 /// What changed between two results.

@@ -10,8 +10,8 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::error::BadInput;
+use crate::frame::SEMANTICS;
 use crate::json;
-use crate::study::SEMANTICS;
 
 /// Name of the manifest in its folder.
 pub const MANIFEST: &str = "manifest.json";
@@ -131,7 +131,7 @@ pub fn publish(folder: &Path, command: &[String]) -> Result<Verdict, BadInput> {
 
 fn read(folder: &Path) -> Result<Manifest, BadInput> {
     let path = folder.join(MANIFEST);
-    let text = std::fs::read_to_string(&path).map_err(|error| BadInput::unreadable(&path, &error))?;
+    let text = json::text(&path)?;
     json::read(&path.display().to_string(), &text)
 }
 

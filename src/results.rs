@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use lrbsim_reports::files::ResultDir;
+use lrbsim_reports::files::{ResultDir, listed};
 use lrbsim_reports::{npy, picture};
 use lrbsim_workloads::{Scene, light_json, mesh_obj};
 
@@ -21,14 +21,16 @@ pub fn names(dump: bool) -> Vec<&'static str> {
     FILES.into_iter().chain(if dump { &DUMPS[..] } else { &[] }.iter().copied()).collect()
 }
 
-/// Refuses to write files called `names` to `dir` if one of them is a file that was read.
+/// Refuses to write files called `names` to `dir` if one of them, or of the results there that would go, was read.
 pub fn spare_inputs<N: AsRef<Path>>(dir: &Path, names: &[N], inputs: &[PathBuf]) -> Result<(), BadInput> {
     // A file that does not exist has no canonical path, and cannot be lost.
     let read: Vec<PathBuf> = inputs.iter().filter_map(|path| path.canonicalize().ok()).collect();
-    for path in names.iter().map(|name| dir.join(name)) {
+    let there = listed(dir);
+    let names = names.iter().map(AsRef::as_ref).chain(there.keys().map(Path::new));
+    for path in names.map(|name| dir.join(name)) {
         if path.canonicalize().is_ok_and(|path| read.contains(&path)) {
             return Err(BadInput::new(format!(
-                "`{}` is an input, and a result of this name would replace it",
+                "`{}` is an input, and results here would replace it",
                 path.display()
             ))
             .with_help("name another folder with `-o`"));
@@ -37,14 +39,23 @@ pub fn spare_inputs<N: AsRef<Path>>(dir: &Path, names: &[N], inputs: &[PathBuf])
     Ok(())
 }
 
-/// Default folder of a run: `out/<scene>-<machine>-<algorithm>`.
-pub fn default_dir(scene: &str, machine: &str, algorithm: Algorithm) -> PathBuf {
-    Path::new("out").join(safe_name(&format!("{scene}-{machine}-{}", algorithm.name())))
+/// Default folder of a run: `out/<scene>-<machine>-<algorithm>`, and after it whatever else was `asked` for, such as
+/// `cores=8`: runs that differ can then be compared.
+pub fn default_dir(scene: &str, machine: &str, algorithm: Algorithm, asked: &[String]) -> PathBuf {
+    let plain = format!("{scene}-{machine}-{}", algorithm.name());
+    let mut name = asked.iter().fold(plain.clone(), |name, asked| format!("{name}-{asked}"));
+    if name.len() > NAME_BYTES_MAX {
+        name = format!("{plain}-{}", &picture::sha256(asked.join("-").as_bytes())[..16]);
+    }
+    Path::new("out").join(safe_name(&name))
 }
+
+/// Bytes of the name of a folder at most: systems allow 255.
+const NAME_BYTES_MAX: usize = 200;
 
 /// `name` as a file may be called: names come from files and may hold anything.
 pub fn safe_name(name: &str) -> String {
-    name.chars().map(|c| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' }).collect()
+    name.chars().map(|c| if c.is_alphanumeric() || "-_.=,".contains(c) { c } else { '_' }).collect()
 }
 
 /// Puts all files of a run in place, `report.json` last, and tells their paths.
@@ -55,7 +66,7 @@ pub fn write(
     dump: bool,
 ) -> Result<Vec<PathBuf>, BadInput> {
     stage(&mut dir, output, scene, dump)?;
-    Ok(dir.commit()?)
+    Ok(dir.replace()?)
 }
 
 /// Stages all files of a run, `report.json` last.
@@ -84,7 +95,16 @@ mod tests {
 
     #[test]
     fn a_folder_is_named_after_what_ran() {
-        assert_eq!(default_dir("tiny", "ideal", Algorithm::Sism), Path::new("out/tiny-ideal-sism"));
-        assert_eq!(default_dir("../a b", "x/y", Algorithm::Sism), Path::new("out/.._a_b-x_y-sism"));
+        let name = |scene: &str, machine: &str, asked: &[&str]| {
+            let asked: Vec<String> = asked.iter().map(|text| (*text).to_owned()).collect();
+            default_dir(scene, machine, Algorithm::Sism, &asked)
+        };
+        assert_eq!(name("tiny", "ideal", &[]), Path::new("out/tiny-ideal-sism"));
+        assert_eq!(name("../a b", "x/y", &[]), Path::new("out/.._a_b-x_y-sism"));
+        assert_eq!(name("a", "b", &["cores=8", "size=8x8"]), Path::new("out/a-b-sism-cores=8-size=8x8"));
+        let long = "x".repeat(300);
+        let short = name("a", "b", &[&long]);
+        assert_eq!(short.as_os_str().len(), "out/a-b-sism-".len() + 16);
+        assert_ne!(short, name("a", "b", &[&long, "cores=8"]));
     }
 }

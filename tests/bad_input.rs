@@ -54,6 +54,63 @@ fn an_unknown_name_lists_the_known_ones() {
 }
 
 #[test]
+fn lights_without_kernels_are_refused() {
+    let folder = Folder::new();
+    folder.write("model.obj", TRIANGLE);
+    let sphere = r#""kind": "sphere", "center": [0, 4, 0], "radius": 0.2"#;
+    for (kind, light) in [
+        ("rect", r#""kind": "rect", "center": [0, 4, 0], "half_u": [1.5, 0, 0], "half_v": [0, 0, 0.05]"#),
+        ("linear", r#""kind": "linear", "p0": [-1.5, 4, 0], "p1": [1.5, 4, 0]"#),
+    ] {
+        folder.write("scene.json", &SCENE.replace(sphere, light));
+        let said = format!("`light.kind` is `{kind}`; it must be `sphere`, `disc` or `point`");
+        refused(&folder, &["scene.json"], &[&said, "scene.json:5:21"]);
+        folder.run(&["scene", "check", "scene.json"]).refused(&[&said]);
+        let text =
+            r#"{"name": "x", "base": {"scene": "scene.json"}, "axes": [{"path": "cores", "values": [1]}]}"#;
+        folder.write("study.json", text);
+        folder.run(&["study", "study.json"]).refused(&[&said]);
+    }
+}
+
+#[test]
+fn a_slip_in_a_number_is_refused() {
+    let folder = Folder::new();
+    refused(&folder, &["tiny", "--warm-frames", "100000"], &["100000 warm frames", "at most 1000"]);
+    refused(
+        &folder,
+        &["tiny", "--set", "ring.bytes_per_cycle=63"],
+        &["`ring.bytes_per_cycle` is 63; it must be a power of two from 1 to 64"],
+    );
+}
+
+#[test]
+fn a_byte_order_mark_is_no_part_of_a_file() {
+    let folder = Folder::new();
+    let mark = "\u{feff}";
+    folder.write("model.obj", TRIANGLE);
+    folder.write("scene.json", &format!("{mark}{SCENE}"));
+    let machine = lrbsim_machine::builtin_machine("larrabee-24").expect("shipped");
+    folder.write("machine.json", &format!("{mark}{machine}"));
+    let base = r#""base": {"scene": "scene.json", "machine": "machine.json", "fidelity": "functional"}"#;
+    let text = format!(r#"{mark}{{"name": "x", {base}, "axes": [{{"path": "cores", "values": [1]}}]}}"#);
+    folder.write("study.json", &text);
+    folder.run(&["study", "study.json"]).ok();
+    for name in ["study", "machine", "scene"] {
+        folder.write(&format!("{name}.json"), &format!("{mark}{{ x }}"));
+    }
+    // What is wrong is pointed at where an editor shows it.
+    folder.run(&["study", "study.json"]).refused(&["not sound JSON", "study.json:1:3"]);
+    refused(&folder, &["scene.json"], &["not sound JSON", "scene.json:1:3"]);
+    refused(&folder, &["tiny", "-m", "machine.json"], &["not sound JSON", "machine.json:1:3"]);
+    let wide: Vec<u8> = mark.encode_utf16().chain(SCENE.encode_utf16()).flat_map(u16::to_le_bytes).collect();
+    std::fs::write(folder.path("scene.json"), wide).expect("the folder can be written");
+    refused(&folder, &["scene.json"], &["`scene.json` is UTF-16 text; it must be UTF-8"]);
+    std::fs::write(folder.path("scene.json"), b"{\n\"mesh\": \"\xe9\"}").expect("the folder can be written");
+    refused(&folder, &["scene.json"], &["`scene.json` is not UTF-8 text: a wrong byte in line 2"]);
+}
+
+#[test]
 fn broken_json_is_pointed_at() {
     let folder = Folder::new();
     machine_file(&folder, "\"cores\": 24,", "\"cores\": 24");

@@ -4,7 +4,7 @@ mod common;
 
 use std::process::Stdio;
 
-use common::{Folder, lrbsim, request, run};
+use common::{Folder, lrbsim, names, request, run};
 use lrbsim::{RunRequest, inputs};
 use lrbsim_machine::Fidelity;
 
@@ -77,7 +77,38 @@ fn a_model_needs_no_further_options() {
     folder.write("box.obj", &format!("{corners}{box_faces}"));
     let table = folder.run(&["run", "box.obj", "--size", "80x60"]).ok().stdout();
     assert!(table.contains("80 x 60 pixels"), "{table}");
-    assert!(folder.path("out/box-larrabee-24-sism/image.png").exists());
+    assert!(folder.path("out/box-larrabee-24-sism-size=80x60/image.png").exists());
+}
+
+#[cfg(unix)]
+#[test]
+fn names_of_files_need_not_be_text() {
+    use std::ffi::OsStr;
+    use std::os::unix::ffi::OsStrExt as _;
+    let folder = Folder::new();
+    let odd = |name: &[u8]| OsStr::from_bytes(name).to_owned();
+    let (model, machine, study) = (odd(b"\xff.obj"), odd(b"\xff-machine.json"), odd(b"\xff-study.json"));
+    let write = |name: &OsStr, text: &str| {
+        std::fs::write(folder.path("").join(name), text).expect("the folder can be written");
+    };
+    write(&model, "v 0 0 0\nv 1 0 0\nv 0 0 1\nf 1 2 3\n");
+    write(&machine, lrbsim_machine::builtin_machine("larrabee-24").expect("shipped"));
+    let quick = r#"{"name": "x", "base": {"scene": "tiny", "fidelity": "functional"}"#;
+    write(&study, &format!(r#"{quick}, "axes": [{{"path": "cores", "values": [1]}}]}}"#));
+    let run = |args: &[&OsStr]| {
+        let output = lrbsim().current_dir(folder.path("")).args(args).output().expect("the binary starts");
+        (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    let plain = |text: &'static str| OsStr::new(text);
+    let fine = (Some(0), String::new());
+    assert_eq!(run(&[plain("run"), &model, plain("--size"), plain("8x8"), plain("-m"), &machine]), fine);
+    assert_eq!(run(&[plain("study"), &study]), fine);
+    assert_eq!(run(&[plain("scene"), plain("check"), &model]), fine);
+    assert_eq!(run(&[plain("machine"), plain("check"), &machine]), fine);
+    // What must be text is named.
+    let (code, message) = run(&[plain("run"), plain("tiny"), plain("--size"), &odd(b"8x\xff")]);
+    assert_eq!(code, Some(2));
+    assert!(message.contains("not UTF-8 text: `8x\u{fffd}`"), "{message}");
 }
 
 #[test]
@@ -91,6 +122,7 @@ fn a_run_keeps_files_that_it_does_not_write() {
     assert_eq!(
         folder.names(),
         [
+            "SHA256SUMS",
             "host.json",
             "image.png",
             "light.json",
@@ -100,6 +132,109 @@ fn a_run_keeps_files_that_it_does_not_write() {
             "visibility.png"
         ]
     );
+}
+
+#[test]
+fn results_of_before_do_not_stay_beside_new_ones() {
+    let folder = Folder::new();
+    let quick = ["run", "saloon-orbit", "--size", "16x12", "--fidelity", "functional", "-o", "d"];
+    folder.run(&[&quick[..], &["--frames", "2"]].concat()).ok();
+    folder.run(&["report", "d"]).ok();
+    assert!(folder.path("d/animation.png").exists() && folder.path("d/report.html").exists());
+    let plain = ["SHA256SUMS", "host.json", "image.png", "report.json", "visibility.png"];
+    let tiny = ["run", "tiny", "--fidelity", "functional", "-o", "d"];
+    folder.run(&[&tiny[..], &["--dump"]].concat()).ok();
+    assert!(folder.path("d/visibility.npy").exists() && !folder.path("d/animation.png").exists());
+    // What somebody has put there or changed since is theirs.
+    folder.write("d/notes.txt", "mine");
+    folder.write("d/light.json", "changed");
+    folder.run(&tiny).ok();
+    let mut kept = [&plain[..], &["light.json", "notes.txt"]].concat();
+    kept.sort_unstable();
+    assert_eq!(names(&folder.path("d")), kept);
+    // A model that an earlier run left is spared when it is read.
+    folder.run(&[&tiny[..], &["--dump"]].concat()).ok();
+    let again = ["run", "d/mesh.obj", "--size", "8x8", "--fidelity", "functional", "-o", "d"];
+    folder.run(&again).refused(&["`d/mesh.obj` is an input, and results here would replace it"]);
+}
+
+#[test]
+fn a_what_if_does_not_replace_the_baseline() {
+    let folder = Folder::new();
+    folder.run(&["run", "tiny"]).ok();
+    folder.run(&["run", "tiny", "--set", "cores=8", "--size", "32x24"]).ok();
+    folder.run(&["run", "tiny", "--fidelity", "functional", "--warm-frames", "1"]).ok();
+    let [plain, eight] = ["tiny-larrabee-24-sism", "tiny-larrabee-24-sism-cores=8-size=32x24"];
+    let untimed = "tiny-larrabee-24-sism-fidelity=functional-warm-frames=1";
+    assert_eq!(names(&folder.path("out")), [plain, eight, untimed]);
+    let [plain, eight] = [plain, eight].map(|name| format!("out/{name}"));
+    assert!(folder.run(&["compare", &plain, &eight]).ok().stdout().contains("machine.cores"));
+}
+
+#[test]
+fn results_of_other_inputs_are_not_replaced_without_a_word() {
+    let folder = Folder::new();
+    let corners = "v -1 0 -1\nv 1 0 -1\nv 0 0 1\nv 0 1 0\n";
+    for (name, faces) in [("a", "f 1 2 3\n"), ("b", "f 1 2 3\nf 1 2 4\n")] {
+        std::fs::create_dir(folder.path(name)).expect("the folder can be written");
+        folder.write(&format!("{name}/model.obj"), &format!("{corners}{faces}"));
+    }
+    let run =
+        |model: &str| folder.run(&["run", model, "--size", "8x8", "--fidelity", "functional"]).ok().stdout();
+    assert!(!run("a/model.obj").contains("replaced"));
+    assert!(!run("a/model.obj").contains("replaced"));
+    let printed = run("b/model.obj");
+    assert!(printed.contains("replaced the results of another run (scene.hash was"), "{printed}");
+    assert!(printed.contains("`-o DIR` keeps both"), "{printed}");
+    let study = |cores: u32| {
+        let base = r#"{"scene": "tiny", "fidelity": "functional"}"#;
+        let axes = format!(r#"[{{"path": "cores", "values": [{cores}]}}]"#);
+        folder.write("s.json", &format!(r#"{{"name": "s", "base": {base}, "axes": {axes}}}"#));
+        folder.run(&["study", "s.json"]).ok().stdout()
+    };
+    assert!(!study(1).contains("replaced"));
+    assert!(!study(1).contains("replaced"));
+    assert!(study(2).contains("replaced the results of another study of this name in out/study-s"));
+}
+
+#[test]
+fn suspicious_results_carry_a_warning() {
+    let folder = Folder::new();
+    let kinds = |args: &[&str]| -> Vec<String> {
+        let all = [&["run"], args, &["--fidelity", "functional", "--json"]].concat();
+        let report: serde_json::Value = serde_json::from_str(&folder.run(&all).ok().stdout()).expect("JSON");
+        let warnings = report["warnings"].as_array().expect("a list").iter();
+        warnings.map(|warning| warning["kind"].as_str().expect("a name").to_owned()).collect()
+    };
+    assert!(kinds(&["tiny"]).is_empty());
+    assert_eq!(kinds(&["tiny", "--light-radius", "1000"]), ["light_in_geometry"]);
+    let scene = lrbsim_workloads::builtin_scene("tiny").expect("shipped");
+    folder.write("away.json", &scene.replace(r#""target": [0.0, 0.5, -0.3]"#, r#""target": [0.3, 50, 3.7]"#));
+    assert_eq!(kinds(&["away.json"]), ["nothing_seen"]);
+    let printed = folder.run(&["run", "away.json"]).ok().stdout();
+    assert!(printed.contains("warning: the camera sees no surface"), "{printed}");
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupt_leaves_nothing_half() {
+    let folder = Folder::new();
+    for signal in ["INT", "TERM"] {
+        // Long enough that it is not over before the signal comes.
+        let mut child = lrbsim()
+            .current_dir(folder.path(""))
+            .args(["run", "saloon-small", "--fidelity", "cycle", "-o", "w"])
+            .stdout(Stdio::null())
+            .spawn()
+            .expect("the binary starts");
+        std::thread::sleep(std::time::Duration::from_millis(500));
+        let id = child.id().to_string();
+        assert!(
+            std::process::Command::new("kill").args(["-s", signal, &id]).status().expect("kill").success()
+        );
+        assert_eq!(child.wait().expect("it ends").code(), Some(130), "{signal}");
+        assert!(folder.names().is_empty(), "{signal}");
+    }
 }
 
 #[test]
@@ -119,6 +254,42 @@ fn models_are_looked_up_in_the_search_path_first() {
     };
     assert!(triangles("models").contains("2 triangles"));
     assert!(triangles("nowhere").contains("1 triangle"));
+}
+
+#[test]
+fn a_model_by_itself_is_a_path_first_and_looked_up_next() {
+    let folder = Folder::new();
+    let corners = "v -1 0 -1\nv 1 0 -1\nv 0 0 1\nv 0 1 0\n";
+    std::fs::create_dir_all(folder.path("configs/scenes/models")).expect("the folder can be written");
+    folder.write("configs/scenes/models/model.obj", &format!("{corners}f 1 2 3\n"));
+    std::fs::create_dir(folder.path("mine")).expect("the folder can be written");
+    folder.write("mine/model.obj", &format!("{corners}f 1 2 3\nf 1 2 4\n"));
+    // All get the same floor.
+    let triangles = |search: Option<&str>| -> u32 {
+        let mut command = lrbsim();
+        command.current_dir(folder.path("")).args(["scene", "check", "model.obj"]);
+        search.map(|search| command.env("LRBSIM_SCENES", search));
+        let printed = String::from_utf8(command.output().expect("the binary starts").stdout).expect("text");
+        let count = printed.strip_prefix("model.obj: sound: ").expect("a sound model");
+        count.split(' ').next().expect("a word").parse().expect("a number")
+    };
+    // A checkout needs no variable.
+    let found = triangles(None);
+    assert_eq!(triangles(Some("mine")), found + 1);
+    folder.write("model.obj", &format!("{corners}f 1 2 3\nf 1 2 4\nf 1 3 4\n"));
+    assert_eq!(triangles(Some("mine")), found + 2);
+}
+
+#[test]
+fn models_of_a_checkout_are_found_by_name() {
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+    for (scene, triangles) in
+        [("tavern", "63 403"), ("tavern.obj", "63 4"), ("dinner_table", "8 064"), ("table_blocker", "410")]
+    {
+        let output = lrbsim().current_dir(root).args(["scene", "check", scene]).output();
+        let printed = String::from_utf8(output.expect("the binary starts").stdout).expect("text");
+        assert!(printed.contains(&format!("{scene}: sound: {triangles}")), "{printed}");
+    }
 }
 
 /// Fields that an object may have and those it must have, by the schema of a file format.

@@ -32,7 +32,7 @@ fn the_default_run_prints_the_table_and_writes_report_and_picture() {
     }
 
     // The files, whole and nothing else.
-    assert_eq!(names(&dir), ["host.json", "image.png", "report.json", "visibility.png"]);
+    assert_eq!(names(&dir), ["SHA256SUMS", "host.json", "image.png", "report.json", "visibility.png"]);
     let read = |name: &str| std::fs::read_to_string(dir.join(name)).expect("written");
     let report: RunReport = serde_json::from_str(&read("report.json")).expect("a sound report");
     let host: HostReport = serde_json::from_str(&read("host.json")).expect("a sound report");
@@ -71,6 +71,7 @@ fn the_json_option_prints_the_report_and_nothing_else() {
     assert_eq!(
         names(&folder.path("r")),
         [
+            "SHA256SUMS",
             "host.json",
             "image.png",
             "light.json",

@@ -3,8 +3,7 @@
 mod common;
 
 use common::{request, run};
-use lrbsim::RunRequest;
-use lrbsim::study::SEMANTICS;
+use lrbsim::{RunRequest, SEMANTICS};
 use lrbsim_machine::Fidelity;
 use lrbsim_reports::picture::sha256;
 
@@ -23,6 +22,6 @@ fn results_that_change_raise_the_version() {
     assert_eq!(
         (SEMANTICS, found.as_str()),
         FROZEN,
-        "results changed: raise SEMANTICS in src/study/cache.rs (unless it was raised since the last release of results), and freeze this pair"
+        "results changed: raise SEMANTICS in src/frame.rs (unless it was raised since the last release of results), and freeze this pair"
     );
 }

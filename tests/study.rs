@@ -288,11 +288,89 @@ fn a_million_points_are_asked_for_twice() {
 }
 
 #[test]
+fn analyses_of_before_do_not_stay_beside_new_ones() {
+    let folder = Folder::new();
+    folder.write("a.json", STUDY);
+    folder.run(&["study", "a.json"]).ok();
+    assert!(folder.path("out/study-small/speedup.csv").exists());
+    folder.write(
+        "b.json",
+        &STUDY.replace(r#"["table", "speedup", "pareto", "power_law", "sensitivity"]"#, r#"["table"]"#),
+    );
+    folder.run(&["study", "b.json"]).ok();
+    assert_eq!(
+        names(&folder.path("out/study-small")),
+        ["SHA256SUMS", "report.html", "study.json", "table.csv", "table.md", "table.png", "table.svg"]
+    );
+}
+
+#[test]
+fn ranges_of_whole_numbers_are_drawn_whole() {
+    let folder = Folder::new();
+    let study = |axis: &str| {
+        let base = r#"{"scene": "tiny", "fidelity": "functional", "set": {"scene.image.height": 8}}"#;
+        let sampling = r#"{"random": {"points": 6, "seed": 7}}"#;
+        let text = format!(r#"{{"name": "r", "base": {base}, "axes": [{axis}], "sampling": {sampling}}}"#);
+        folder.write("study.json", &text);
+        folder.run(&["study", "study.json"])
+    };
+    let drawn = || -> Vec<serde_json::Value> {
+        results(&folder, "out/study-r/study.json")
+            .points
+            .iter()
+            .map(|point| point.values[0].clone())
+            .collect()
+    };
+    for draw in ["", r#", "draw": "log""#] {
+        for (path, min, max) in [("cores", 1.0, 64.0), ("scene.image.width", 1.5, 16.5)] {
+            study(&format!(r#"{{"path": "{path}", "min": {min}, "max": {max}{draw}}}"#)).ok();
+            for value in drawn() {
+                assert!(value.as_u64().is_some_and(|n| (min..=max).contains(&(n as f64))), "{path}: {value}");
+            }
+        }
+    }
+    study(r#"{"path": "clock_ghz", "min": 1, "max": 2}"#).ok();
+    assert!(drawn().iter().all(|value| value.is_f64() && value.as_f64().is_some_and(|n| n.fract() != 0.0)));
+    study(r#"{"path": "cores", "min": 1.2, "max": 1.8}"#).refused(&["has no whole number in its range"]);
+    study(r#"{"path": "l2.ways", "min": 5, "max": 7, "draw": "power_of_two"}"#)
+        .refused(&["has no power of two in its range"]);
+}
+
+#[test]
+fn what_cannot_be_meant_is_refused() {
+    let folder = Folder::new();
+    let study = |name: &str, base: &str, axes: &str, analysis: &str| {
+        let text =
+            format!(r#"{{"name": "{name}", "base": {base}, "axes": [{axes}], "analysis": ["{analysis}"]}}"#);
+        folder.write("study.json", &text);
+        folder.run(&["study", "study.json"])
+    };
+    let (tiny, cores) = (r#"{"scene": "tiny"}"#, r#"{"path": "cores", "values": [1, 2]}"#);
+    for name in ["a/../b", "", ".hidden"] {
+        study(name, tiny, cores, "table").refused(&["it must be a name for a folder", "study.json:1:10"]);
+    }
+    study("x", tiny, r#"{"path": "cores", "values": [1, 1.0]}"#, "table")
+        .refused(&["the axis `cores` has the value 1.0 twice", "study.json:1:"]);
+    let untimed = r#"{"scene": "tiny", "fidelity": "functional"}"#;
+    study("x", untimed, cores, "speedup").refused(&["functional runs have no times"]);
+    let many = r#"{"scene": "tiny", "warm_frames": 100000}"#;
+    study("x", many, cores, "table").refused(&["100000 warm frames; there must be at most 1000"]);
+    let ring = r#"{"path": "ring.bytes_per_cycle", "values": [63]}"#;
+    assert_eq!(study("x", tiny, ring, "table").code(), Some(1));
+    // The scene that a study does not name is said.
+    let printed = study("x", r#"{"fidelity": "functional"}"#, r#"{"path": "cores", "values": [1]}"#, "table")
+        .ok()
+        .stdout();
+    assert!(printed.starts_with("Study x: saloon-small on larrabee-24, sism, functional"), "{printed}");
+}
+
+#[test]
 fn unknown_studies_and_options_are_refused() {
     let folder = Folder::new();
     folder.run(&["study", "core"]).refused(&["`core` is no study", "did you mean `cores`?"]);
     folder.run(&["study", "cores", "-j", "0"]).refused(&["`--jobs` is 0; it must be from 1 to 1024"]);
     folder.run(&["study", "cores", "--engine", "slurm"]).refused(&["not in this version"]);
+    assert!(!folder.run(&["study", "--help"]).ok().stdout().to_lowercase().contains("slurm"));
     folder.write("file", "");
     folder.run(&["study", "cores", "--cache", "file"]).refused(&["cannot create the cache"]);
     folder.run(&["study", "cores", "-o", "file"]).refused(&["cannot create file"]);

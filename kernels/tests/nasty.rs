@@ -21,7 +21,7 @@ fn every_valid_nasty_mesh_gives_visibilities() {
             continue;
         }
         let path = folder.join(file);
-        let scene = match load_scene(&path.to_string_lossy(), Path::new(".")) {
+        let scene = match load_scene(&path, Path::new(".")) {
             Ok(scene) => scene,
             // Valid files without geometry are no scenes.
             Err(error) => {

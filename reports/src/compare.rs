@@ -203,7 +203,7 @@ fn shared_out(whole: i64, weights: &[u64]) -> Vec<i64> {
 }
 
 /// What differs between the inputs of two runs.
-fn inputs(a: &RunReport, b: &RunReport) -> Vec<Difference> {
+pub fn inputs(a: &RunReport, b: &RunReport) -> Vec<Difference> {
     let tree = |report: &RunReport| {
         let mut machine = report.machine.clone();
         machine.sources.clear();
@@ -215,7 +215,7 @@ fn inputs(a: &RunReport, b: &RunReport) -> Vec<Difference> {
             "algorithm": report.provenance.algorithm,
             "fidelity": report.provenance.fidelity,
             "warm_frames": report.provenance.warm_frames,
-            "lrbsim_version": report.provenance.lrbsim_version,
+            "program": {"lrbsim_version": report.provenance.lrbsim_version, "semantics": report.provenance.semantics},
         })
     };
     let mut differences = Vec::new();
@@ -294,6 +294,11 @@ pub fn render(comparison: &Comparison) -> String {
     if comparison.inputs.is_empty() {
         return text;
     }
+    if comparison.inputs.iter().any(|difference| difference.path.starts_with("program.")) {
+        text.push_str(
+            "\nThe programs differ: a part of the change may be theirs. Run both with one program to tell.\n",
+        );
+    }
     let rows = comparison.inputs.iter().map(|difference| {
         let cell = |value: &Value| Cell::Text(shortened(&show_value(value)));
         vec![Cell::Text(difference.path.clone()), cell(&difference.a), cell(&difference.b)]
@@ -304,7 +309,7 @@ pub fn render(comparison: &Comparison) -> String {
 }
 
 /// A hash or an object in the width of a column.
-fn shortened(text: &str) -> String {
+pub fn shortened(text: &str) -> String {
     if text.chars().count() <= 40 {
         return text.to_owned();
     }
@@ -420,6 +425,18 @@ mod tests {
             .map(|difference| difference.path)
             .collect();
         assert_eq!(paths, ["machine.clock_ghz", "machine.cores"]);
+    }
+
+    #[test]
+    fn programs_that_differ_are_told() {
+        let mut newer = sample::timed();
+        newer.provenance.semantics += 1;
+        let comparison = compare(&sample::timed(), &newer, PictureChange::Same);
+        assert_eq!(comparison.inputs.len(), 1);
+        assert_eq!(comparison.inputs[0].path, "program.semantics");
+        assert!(render(&comparison).contains("The programs differ"));
+        let same = compare(&newer, &newer, PictureChange::Same);
+        assert!(!render(&same).contains("The programs differ"));
     }
 
     #[test]

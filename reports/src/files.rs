@@ -1,8 +1,13 @@
 //! Result files: staged under a temporary name and renamed, so that nobody ever reads half a file.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
+use std::sync::{PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
+
+use crate::lock::Lock;
+use crate::picture::sha256;
 
 /// Why results could not be written.
 #[derive(Debug, thiserror::Error)]
@@ -22,25 +27,35 @@ impl FileError {
     }
 }
 
+/// Shared by whoever has something half written; wanted alone by [`undisturbed`].
+static WRITING: RwLock<()> = RwLock::new(());
+
+/// Waits until nothing of this process is half written, and keeps anything from being begun as long as the guard lives:
+/// what the handler of an interrupt takes before it ends the process.
+pub fn undisturbed() -> RwLockWriteGuard<'static, ()> {
+    // A thread that panicked has removed what it had half written.
+    WRITING.write().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn writing() -> RwLockReadGuard<'static, ()> {
+    WRITING.read().unwrap_or_else(PoisonError::into_inner)
+}
+
 /// Writes `bytes` to `path`: to a temporary name beside it first, then renamed.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
     let mut name = std::ffi::OsString::from(".");
     name.push(path.file_name().unwrap_or_default());
     name.push(format!(".partial-{}", std::process::id()));
-    let temporary = path.with_file_name(name);
-    let written = write_whole(&temporary, bytes).and_then(|()| fs::rename(&temporary, path));
-    written.map_err(|error| {
-        // The first error is the one to tell; a leftover is removed as well as can be.
-        let _ = fs::remove_file(&temporary);
-        FileError::new("cannot write", path, error)
-    })
+    write_with_temporary(path, &path.with_file_name(name), bytes)
 }
 
 /// Writes `bytes` to `path` through `temporary`, a file beside it that only one process writes to at a time: what a killed
 /// process left there is written over.
 pub fn write_with_temporary(path: &Path, temporary: &Path, bytes: &[u8]) -> Result<(), FileError> {
+    let _writing = writing();
     let written = write_whole(temporary, bytes).and_then(|()| fs::rename(temporary, path));
     written.map_err(|error| {
+        // The first error is the one to tell; a leftover is removed as well as can be.
         let _ = fs::remove_file(temporary);
         FileError::new("cannot write", path, error)
     })
@@ -52,20 +67,44 @@ fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
     file.sync_all()
 }
 
+/// Name of the list of a folder's results: a line a file, its SHA-256 and its name, as `sha256sum` writes and checks them.
+pub const LIST: &str = "SHA256SUMS";
+
+/// Names of the results in `folder` with their hashes, by its [`LIST`]; none where there is no list.
+pub fn listed(folder: &Path) -> BTreeMap<String, String> {
+    let text = fs::read_to_string(folder.join(LIST)).unwrap_or_default();
+    let lines = text.lines().filter_map(|line| line.split_once("  "));
+    let plain = |name: &str| Path::new(name).file_name().is_some_and(|file| file == name);
+    lines.filter(|(_, name)| plain(name)).map(|(hash, name)| (name.to_owned(), hash.to_owned())).collect()
+}
+
 /// A folder of results that appear together.
 ///
 /// [`ResultDir::open`] proves at once that the folder can be written, before a long run, and leaves nothing there. The first
-/// staged file creates a staging folder inside it and [`ResultDir::commit`] renames the files into place. Dropped without
-/// `commit`, it leaves nothing behind. Files of other names are never touched.
+/// staged file creates a staging folder inside it, [`ResultDir::replace`] and [`ResultDir::add`] rename the files into
+/// place. Dropped without either, it leaves nothing behind. Two processes may write to one folder: the second waits for the
+/// first. What a killed one left half is removed by the next. Files that are no results are never touched.
 #[derive(Debug)]
 pub struct ResultDir {
     target: PathBuf,
     /// Present once something is staged.
-    staging: Option<PathBuf>,
-    /// The folders that this value created, innermost first: removed again when nothing is committed.
+    staging: Option<Staging>,
+    /// The folders that this value created, innermost first: removed again when nothing is put in place.
     created: Vec<PathBuf>,
-    names: Vec<String>,
+    /// What is staged, in order: name and hash.
+    staged: Vec<(String, String)>,
 }
+
+/// A folder for files that are not in place yet, and the right to put them there.
+#[derive(Debug)]
+struct Staging {
+    folder: PathBuf,
+    _lock: Lock,
+    _writing: RwLockReadGuard<'static, ()>,
+}
+
+/// Begin of the names of staging folders.
+const STAGING: &str = ".partial";
 
 impl ResultDir {
     /// Opens `target` for results; it and its parents may be missing, they are created when something is staged.
@@ -76,11 +115,12 @@ impl ResultDir {
             let file = nearest.display();
             return Err(cannot_create(io::Error::other(format!("`{file}` is a file, not a folder"))));
         }
+        let _writing = writing();
         let probe = nearest.join(format!(".lrbsim-probe-{}", std::process::id()));
         fs::File::create_new(&probe)
             .and_then(|_| fs::remove_file(&probe))
             .map_err(|error| FileError::new("cannot write to", target, error))?;
-        Ok(ResultDir { target: target.to_owned(), staging: None, created: Vec::new(), names: Vec::new() })
+        Ok(ResultDir { target: target.to_owned(), staging: None, created: Vec::new(), staged: Vec::new() })
     }
 
     /// Stages one file; `name` may not contain a separator.
@@ -88,15 +128,16 @@ impl ResultDir {
         let path = self.staging()?.join(name);
         write_whole(&path, bytes)
             .map_err(|error| FileError::new("cannot write", &self.target.join(name), error))?;
-        self.names.push(name.to_owned());
+        self.staged.push((name.to_owned(), sha256(bytes)));
         Ok(())
     }
 
     /// The staging folder, created when it is first asked for.
     fn staging(&mut self) -> Result<PathBuf, FileError> {
         if let Some(staging) = &self.staging {
-            return Ok(staging.clone());
+            return Ok(staging.folder.clone());
         }
+        let writing = writing();
         // Noted first, so that a failure half way removes what was created.
         self.created = self
             .target
@@ -106,25 +147,58 @@ impl ResultDir {
             .collect();
         fs::create_dir_all(&self.target)
             .map_err(|error| FileError::new("cannot create", &self.target, error))?;
-        // A killed process of the same id may have left such a folder; it is not this one's to remove.
-        let staging = (0_u32..)
-            .map(|n| self.target.join(format!(".partial-{}-{n}", std::process::id())))
-            .find(|folder| !folder.exists())
-            .expect("a folder does not hold 2^32 of them");
-        fs::create_dir(&staging).map_err(|error| FileError::new("cannot write to", &self.target, error))?;
-        self.staging = Some(staging.clone());
-        Ok(staging)
+        let cannot_write = |error| FileError::new("cannot write to", &self.target, error);
+        let lock = Lock::wait(&self.target.join(".lock")).map_err(cannot_write)?;
+        // Only who holds the lock has such a folder: what is there, a killed process left.
+        for entry in fs::read_dir(&self.target).map_err(cannot_write)?.flatten() {
+            if entry.file_name().to_string_lossy().starts_with(STAGING) {
+                fs::remove_dir_all(entry.path()).map_err(cannot_write)?;
+            }
+        }
+        let folder = self.target.join(STAGING);
+        fs::create_dir(&folder).map_err(cannot_write)?;
+        self.staging = Some(Staging { folder: folder.clone(), _lock: lock, _writing: writing });
+        Ok(folder)
     }
 
-    /// Moves all staged files into place, in the order they were staged, and tells their paths.
-    pub fn commit(mut self) -> Result<Vec<PathBuf>, FileError> {
-        let mut paths = Vec::new();
-        for name in &self.names {
-            let from = self.staging.as_deref().expect("what is named was staged").join(name);
-            let to = self.target.join(name);
-            fs::rename(from, &to).map_err(|error| FileError::new("cannot write", &to, error))?;
-            paths.push(to);
+    /// Moves all staged files into place, in the order they were staged, and tells their paths. Results that were there
+    /// before and are not staged go, but for those that somebody has changed since.
+    pub fn replace(self) -> Result<Vec<PathBuf>, FileError> {
+        for (name, hash) in listed(&self.target) {
+            let path = self.target.join(&name);
+            let stale = !self.staged.iter().any(|(staged, _)| *staged == name);
+            if stale && fs::read(&path).is_ok_and(|bytes| sha256(&bytes) == hash) {
+                fs::remove_file(&path).map_err(|error| FileError::new("cannot remove", &path, error))?;
+            }
         }
+        self.put_in_place(Some(BTreeMap::new()))
+    }
+
+    /// Moves all staged files into place beside what is there, and tells their paths. Where results have a list, it names
+    /// these files too.
+    pub fn add(self) -> Result<Vec<PathBuf>, FileError> {
+        let list = self.target.join(LIST).is_file().then(|| listed(&self.target));
+        self.put_in_place(list)
+    }
+
+    /// Moves all staged files into place, and adds them to `list` if there is to be one.
+    fn put_in_place(mut self, list: Option<BTreeMap<String, String>>) -> Result<Vec<PathBuf>, FileError> {
+        let staging = self.staging()?;
+        let place = |name: &str| {
+            let to = self.target.join(name);
+            fs::rename(staging.join(name), &to)
+                .map_err(|error| FileError::new("cannot write", &to, error))?;
+            Ok(to)
+        };
+        if let Some(mut list) = list {
+            list.extend(self.staged.iter().cloned());
+            let text: String = list.iter().map(|(name, hash)| format!("{hash}  {name}\n")).collect();
+            write_whole(&staging.join(LIST), text.as_bytes())
+                .map_err(|error| FileError::new("cannot write", &self.target.join(LIST), error))?;
+            // The list first: a process that is killed on the way has then named all that it left.
+            place(LIST)?;
+        }
+        let paths = self.staged.iter().map(|(name, _)| place(name)).collect::<Result<_, _>>()?;
         self.created.clear();
         Ok(paths)
     }
@@ -145,8 +219,8 @@ fn nearest_existing(path: &Path) -> io::Result<&Path> {
 impl Drop for ResultDir {
     fn drop(&mut self) {
         // Best effort: an error here would hide the one that led here.
-        if let Some(staging) = &self.staging {
-            let _ = fs::remove_dir_all(staging);
+        if let Some(staging) = self.staging.take() {
+            let _ = fs::remove_dir_all(&staging.folder);
         }
         for folder in &self.created {
             let _ = fs::remove_dir(folder);
@@ -168,14 +242,14 @@ mod tests {
     }
 
     #[test]
-    fn committed_files_appear_and_nothing_else() {
+    fn files_put_in_place_appear_and_nothing_else_but_their_list() {
         let root = tempfile::tempdir().expect("a temporary folder");
         let target = root.path().join("a/b");
         let mut dir = ResultDir::open(&target).expect("writable");
         dir.stage("one", b"1").expect("writable");
         dir.stage("two", b"2").expect("writable");
-        assert_eq!(dir.commit().expect("renamed"), [target.join("one"), target.join("two")]);
-        assert_eq!(listing(&target), ["one", "two"]);
+        assert_eq!(dir.replace().expect("renamed"), [target.join("one"), target.join("two")]);
+        assert_eq!(listing(&target), [LIST, "one", "two"]);
     }
 
     #[test]
@@ -186,8 +260,69 @@ mod tests {
         }
         let mut dir = ResultDir::open(root.path()).expect("writable");
         dir.stage("one", b"1").expect("writable");
-        dir.commit().expect("renamed");
-        assert_eq!(listing(root.path()), ["light.json", "mesh.obj", "one"]);
+        dir.replace().expect("renamed");
+        assert_eq!(listing(root.path()), [LIST, "light.json", "mesh.obj", "one"]);
+    }
+
+    fn put(folder: &Path, names: &[&str], place: fn(ResultDir) -> Result<Vec<PathBuf>, FileError>) {
+        let mut dir = ResultDir::open(folder).expect("writable");
+        for name in names {
+            dir.stage(name, name.as_bytes()).expect("writable");
+        }
+        place(dir).expect("renamed");
+    }
+
+    #[test]
+    fn results_of_before_go_unless_they_were_changed() {
+        let root = tempfile::tempdir().expect("a temporary folder");
+        put(root.path(), &["one", "two", "three"], ResultDir::replace);
+        put(root.path(), &["page"], ResultDir::add);
+        assert_eq!(listing(root.path()), [LIST, "one", "page", "three", "two"]);
+        fs::write(root.path().join("two"), b"by hand").expect("writable");
+        fs::write(root.path().join("four"), b"of somebody").expect("writable");
+        put(root.path(), &["one"], ResultDir::replace);
+        assert_eq!(listing(root.path()), [LIST, "four", "one", "two"]);
+        assert_eq!(listed(root.path()).into_keys().collect::<Vec<_>>(), ["one"]);
+    }
+
+    #[test]
+    fn a_list_that_names_other_folders_removes_nothing_there() {
+        let root = tempfile::tempdir().expect("a temporary folder");
+        let inner = root.path().join("inner");
+        fs::create_dir(&inner).expect("writable");
+        fs::write(root.path().join("mine"), b"mine").expect("writable");
+        fs::write(inner.join(LIST), format!("{}  ../mine\n", sha256(b"mine"))).expect("writable");
+        put(&inner, &["one"], ResultDir::replace);
+        assert_eq!(listing(root.path()), ["inner", "mine"]);
+    }
+
+    #[test]
+    fn what_a_killed_process_left_half_is_removed_by_the_next() {
+        let root = tempfile::tempdir().expect("a temporary folder");
+        for name in [".partial", ".partial-17-0"] {
+            fs::create_dir(root.path().join(name)).expect("writable");
+            fs::write(root.path().join(name).join("one"), b"ha").expect("writable");
+        }
+        fs::write(root.path().join(".lock"), b"").expect("writable");
+        put(root.path(), &["one"], ResultDir::replace);
+        assert_eq!(listing(root.path()), [LIST, "one"]);
+    }
+
+    #[test]
+    fn an_interrupt_waits_for_what_is_half_written() {
+        let root = tempfile::tempdir().expect("a temporary folder");
+        let mut dir = ResultDir::open(root.path()).expect("writable");
+        dir.stage("one", b"1").expect("writable");
+        std::thread::scope(|scope| {
+            let handler = scope.spawn(|| {
+                let _guard = undisturbed();
+                listing(root.path())
+            });
+            std::thread::sleep(std::time::Duration::from_millis(50));
+            assert!(!handler.is_finished());
+            dir.replace().expect("renamed");
+            assert_eq!(handler.join().expect("it ends"), [LIST, "one"]);
+        });
     }
 
     #[test]
@@ -199,7 +334,7 @@ mod tests {
     }
 
     #[test]
-    fn without_commit_nothing_stays() {
+    fn not_put_in_place_nothing_stays() {
         let root = tempfile::tempdir().expect("a temporary folder");
         let mut dir = ResultDir::open(&root.path().join("a/b")).expect("writable");
         dir.stage("one", b"1").expect("writable");
@@ -208,7 +343,7 @@ mod tests {
     }
 
     #[test]
-    fn without_commit_older_results_stay() {
+    fn not_put_in_place_older_results_stay() {
         let root = tempfile::tempdir().expect("a temporary folder");
         fs::write(root.path().join("one"), b"old").expect("writable");
         let mut dir = ResultDir::open(root.path()).expect("writable");

@@ -24,6 +24,7 @@ pub mod frames;
 #[cfg(test)]
 mod golden;
 pub mod host;
+pub mod lock;
 pub mod metric;
 pub mod npy;
 pub mod page;

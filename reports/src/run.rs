@@ -38,14 +38,39 @@ pub struct RunReport {
     pub image: ImageSummary,
     /// How far the model is from measured machines.
     pub model_error: ModelError,
+    /// What makes the result suspicious; empty where nothing does.
+    pub warnings: Vec<Warning>,
+}
+
+/// Something that makes a result suspicious.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Warning {
+    /// Stable name.
+    pub kind: WarningKind,
+    /// What is suspicious, and what to do about it.
+    pub message: String,
+}
+
+/// Kinds of [`Warning`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum WarningKind {
+    /// No pixel sees a surface.
+    NothingSeen,
+    /// The light reaches into the geometry.
+    LightInGeometry,
 }
 
 /// What determined the numbers of a report.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Provenance {
-    /// Version of the simulator.
+    /// Version of the program that ran.
     pub lrbsim_version: String,
+    /// Version of what its numbers mean: two programs of one version of the numbers give the same report for the same
+    /// inputs.
+    pub semantics: u32,
     /// SHA-256 of the effective machine as compact JSON.
     pub machine_hash: String,
     /// SHA-256 of the scene: triangles, camera, image size and light.

@@ -76,6 +76,7 @@ pub(crate) fn timed() -> RunReport {
         schema_version: SCHEMA_VERSION,
         provenance: Provenance {
             lrbsim_version: "0.1.0".to_owned(),
+            semantics: 1,
             machine_hash: "a".repeat(64),
             scene_hash: "b".repeat(64),
             algorithm: "sism:form=exact".to_owned(),
@@ -105,6 +106,7 @@ pub(crate) fn timed() -> RunReport {
             worst_error_percent: 25.0,
             held_out_mean_error_percent: 6.5,
         },
+        warnings: Vec::new(),
     }
 }
 

@@ -101,10 +101,10 @@ pub struct StudyAxis {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Draw {
-    /// Evenly.
+    /// Evenly; whole numbers where the path takes nothing else, such as `cores`.
     #[default]
     Linear,
-    /// Evenly in the logarithm.
+    /// Evenly in the logarithm; whole numbers where the path takes nothing else.
     Log,
     /// Whole numbers, evenly.
     Integer,

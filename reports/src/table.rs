@@ -34,6 +34,9 @@ pub fn render(report: &RunReport) -> String {
     if !timed {
         text.push_str("\nfunctional: nothing is timed\n");
     }
+    for warning in &report.warnings {
+        let _ = write!(text, "\nwarning: {}\n", warning.message);
+    }
     text
 }
 

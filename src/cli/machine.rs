@@ -1,6 +1,7 @@
 //! `lrbsim machine`.
 
 use std::io::Write;
+use std::path::PathBuf;
 
 use clap::Subcommand;
 use lrbsim::{BadInput, Machine, Setting};
@@ -15,7 +16,7 @@ pub(crate) enum MachineCommand {
     /// Print a machine with every default filled in, as JSON.
     Show {
         /// A shipped machine or a machine file (.json).
-        machine: String,
+        machine: PathBuf,
         /// Change one field of the machine; may be given again.
         #[arg(long = "set", value_name = "PATH=VALUE")]
         settings: Vec<String>,
@@ -23,7 +24,7 @@ pub(crate) enum MachineCommand {
     /// Check a machine file.
     Check {
         /// A machine file (.json) or a shipped machine.
-        machine: String,
+        machine: PathBuf,
     },
 }
 
@@ -44,7 +45,7 @@ pub(crate) fn run(command: &MachineCommand, out: &mut impl Write) -> Result<(), 
         }
         MachineCommand::Check { machine: name } => {
             let machine = Machine::load(name, &[])?;
-            writeln!(out, "{name}: sound: {}", summary(&machine))?;
+            writeln!(out, "{}: sound: {}", name.display(), summary(&machine))?;
         }
     }
     Ok(())

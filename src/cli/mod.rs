@@ -1,6 +1,7 @@
 //! Commands and their options. What they do stands in the library; here is only how it is asked for and shown.
 
 mod compare;
+mod interrupt;
 mod machine;
 mod progress;
 mod report;
@@ -14,6 +15,7 @@ mod verify;
 use std::io::{self, Write};
 use std::process::ExitCode;
 
+use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
 use lrbsim::BadInput;
 
@@ -75,7 +77,11 @@ impl From<io::Error> for Failure {
 
 /// Runs the command line of this process.
 pub(crate) fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) if error.kind() == ErrorKind::InvalidUtf8 => return complain(not_text()),
+        Err(error) => error.exit(),
+    };
     let out = &mut io::stdout().lock();
     let done = match cli.command {
         Command::Run(args) => run::run(&args, out).map(|()| true),
@@ -98,6 +104,16 @@ pub(crate) fn main() -> ExitCode {
         }
         Err(Failure::Input(error)) => complain(error),
     }
+}
+
+/// What to say of arguments that must be text and are not; clap does not name them.
+fn not_text() -> BadInput {
+    let arguments: Vec<String> = std::env::args_os()
+        .filter(|argument| argument.to_str().is_none())
+        .map(|argument| format!("`{}`", argument.display()))
+        .collect();
+    BadInput::new(format!("not UTF-8 text: {}", arguments.join(", ")))
+        .with_help("only names of files and folders may be anything else")
 }
 
 /// Shows what is wrong, on standard error.

@@ -13,6 +13,7 @@ use lrbsim_reports::page::{self, Picture};
 use lrbsim_reports::{HostReport, table};
 
 use super::Failure;
+use super::interrupt::on_interrupt;
 
 #[derive(Debug, Args)]
 pub(crate) struct ReportArgs {
@@ -21,6 +22,7 @@ pub(crate) struct ReportArgs {
 }
 
 pub(crate) fn run(args: &ReportArgs, out: &mut impl Write) -> Result<(), Failure> {
+    on_interrupt(|| ());
     let written = Written::load(&args.dir)?;
     let folder = &written.folder;
     let files = match &written.outcome {
@@ -58,7 +60,7 @@ fn write(folder: &Path, files: &[(String, Vec<u8>)], out: &mut impl Write) -> Re
     for (name, bytes) in files {
         dir.stage(name, bytes).map_err(BadInput::from)?;
     }
-    for path in dir.commit().map_err(BadInput::from)? {
+    for path in dir.add().map_err(BadInput::from)? {
         writeln!(out, "wrote {}", path.display())?;
     }
     Ok(())

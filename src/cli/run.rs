@@ -1,10 +1,11 @@
 //! `lrbsim run`.
 
 use std::io::{IsTerminal as _, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use clap::Args;
+use lrbsim::outcomes::replaced_run;
 use lrbsim::{
     Algorithm, BadInput, HostOptions, Machine, RunRequest, Setting, frames, inputs, results, run_frame,
 };
@@ -14,17 +15,21 @@ use lrbsim_reports::files::ResultDir;
 use lrbsim_reports::table;
 
 use super::Failure;
+use super::interrupt::on_interrupt;
 use super::progress::Bar;
+
+/// The fidelity of a run that names none.
+const FIDELITY: &str = "windowed";
 
 #[derive(Debug, Args)]
 pub(crate) struct RunArgs {
     /// A shipped scene, a scene file (.json) or a model (.obj).
     #[arg(default_value = "saloon-small")]
-    scene: String,
+    scene: PathBuf,
 
     /// A shipped machine or a machine file (.json).
     #[arg(short, long, default_value = "larrabee-24")]
-    machine: String,
+    machine: PathBuf,
 
     /// Change one field of the machine, such as cores=8 or l2.capacity_bytes=524288; may be given again.
     #[arg(long = "set", value_name = "PATH=VALUE")]
@@ -43,7 +48,7 @@ pub(crate) struct RunArgs {
     light_radius: Option<f64>,
 
     /// How much of the machine is modeled: functional, windowed or cycle.
-    #[arg(long, value_name = "LEVEL", default_value = "windowed")]
+    #[arg(long, value_name = "LEVEL", default_value = FIDELITY)]
     fidelity: String,
 
     /// Host threads, all of the host's if not given; changes no result.
@@ -66,7 +71,8 @@ pub(crate) struct RunArgs {
     #[arg(long, value_name = "T", allow_negative_numbers = true)]
     time: Option<f64>,
 
-    /// Folder for the results [default: out/<scene>-<machine>-<algorithm>].
+    /// Folder for the results [default: out/<scene>-<machine>-<algorithm>, then what else was asked for, as in
+    /// out/tiny-larrabee-24-sism-cores=8].
     #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
 
@@ -80,6 +86,7 @@ pub(crate) struct RunArgs {
 }
 
 pub(crate) fn run(args: &RunArgs, out: &mut impl Write) -> Result<(), Failure> {
+    on_interrupt(|| ());
     // Everything that can be wrong is found before the long run.
     let algorithm = Algorithm::from_str(&args.algorithm)?;
     let fidelity = Fidelity::from_str(&args.fidelity).map_err(|error| BadInput::new(error.to_string()))?;
@@ -102,7 +109,7 @@ pub(crate) fn run(args: &RunArgs, out: &mut impl Write) -> Result<(), Failure> {
     }
     let target = match &args.out {
         Some(target) => target.clone(),
-        None => results::default_dir(&scene.name, &machine.config.name, algorithm),
+        None => results::default_dir(&scene.name, &machine.config.name, algorithm, &asked(args)),
     };
     let mut files_read = inputs::scene_files(&args.scene, &scene);
     files_read.extend(inputs::machine_file(&args.machine));
@@ -114,11 +121,12 @@ pub(crate) fn run(args: &RunArgs, out: &mut impl Write) -> Result<(), Failure> {
 
     let request = RunRequest { scene, machine, algorithm, fidelity, warm_frames: args.warm_frames, host };
     if let Some(frames) = args.frames {
-        return run_moving(&request, frames, dir, &bar, args.json, out);
+        return run_moving(&request, frames, (&target, dir), &bar, args.json, out);
     }
     let output = run_frame(&request, &bar)?;
     bar.finish();
 
+    let replaced = replaced_run(&target, &output.report);
     let paths = results::write(dir, &output, &request.scene, args.dump)?;
     if args.json {
         out.write_all(output.report.to_json().as_bytes())?;
@@ -131,17 +139,40 @@ pub(crate) fn run(args: &RunArgs, out: &mut impl Write) -> Result<(), Failure> {
         output.host.seconds,
         output.host.simulated_instructions_per_second / 1e6
     )?;
+    tell(&paths, replaced, out)
+}
+
+/// Says what was written, and what it was written over.
+fn tell(paths: &[PathBuf], replaced: Option<String>, out: &mut impl Write) -> Result<(), Failure> {
     for path in paths {
         writeln!(out, "wrote {}", path.display())?;
     }
+    if let Some(replaced) = replaced {
+        writeln!(out, "{replaced}")?;
+    }
     Ok(())
+}
+
+/// What was asked for besides scene, machine and algorithm, as it stands in the default name of the folder.
+fn asked(args: &RunArgs) -> Vec<String> {
+    let mut asked = args.settings.clone();
+    let mut option = |name: &str, value: Option<String>| {
+        asked.extend(value.map(|value| format!("{name}={value}")));
+    };
+    option("size", args.size.clone());
+    option("light-radius", args.light_radius.map(|radius| radius.to_string()));
+    option("fidelity", (args.fidelity != FIDELITY).then(|| args.fidelity.clone()));
+    option("warm-frames", (args.warm_frames > 0).then(|| args.warm_frames.to_string()));
+    option("frames", args.frames.map(|frames| frames.to_string()));
+    option("time", args.time.map(|time| time.to_string()));
+    asked
 }
 
 /// Runs a moving scene and tells of its frames.
 fn run_moving(
     request: &RunRequest,
     count: u32,
-    mut dir: ResultDir,
+    (target, mut dir): (&Path, ResultDir),
     bar: &Bar,
     json: bool,
     out: &mut impl Write,
@@ -150,7 +181,8 @@ fn run_moving(
     bar.finish();
     results::stage(&mut dir, &output.worst, &request.scene, false)?;
     frames::stage(&mut dir, &output)?;
-    let paths = dir.commit().map_err(BadInput::from)?;
+    let replaced = replaced_run(target, &output.worst.report);
+    let paths = dir.replace().map_err(BadInput::from)?;
     let report = &output.report;
     if json {
         out.write_all(report.to_json().as_bytes())?;
@@ -159,10 +191,7 @@ fn run_moving(
     writeln!(out, "{}", report.sheet().terminal())?;
     let which = if output.worst.report.total.ms.is_some() { "The worst frame" } else { "A frame, untimed" };
     writeln!(out, "{which}, {}:\n\n{}", report.worst_frame, table::render(&output.worst.report))?;
-    for path in paths {
-        writeln!(out, "wrote {}", path.display())?;
-    }
-    Ok(())
+    tell(&paths, replaced, out)
 }
 
 fn host_options(args: &RunArgs) -> Result<HostOptions, BadInput> {

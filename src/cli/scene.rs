@@ -14,6 +14,7 @@ use lrbsim_workloads::{
 };
 
 use super::Failure;
+use super::interrupt::on_interrupt;
 
 /// Width of the picture that the penumbra share of `show` is taken from.
 const PREVIEW_WIDTH: u32 = 240;
@@ -24,23 +25,23 @@ const THUMBNAIL_COLUMNS: u32 = 80;
 pub(crate) enum SceneCommand {
     /// List the shipped scenes, and the views of models that must be found.
     ///
-    /// A model is looked up in the folders of LRBSIM_SCENES, in their order, and then beside the scene file; for a
-    /// shipped view, in the current folder.
+    /// A model is looked up in the folders of LRBSIM_SCENES (configs/scenes/models if that is not set), in their order, and
+    /// then beside the scene file; for a shipped view, in the current folder.
     List,
     /// Print what is in a scene, and what it looks like.
     Show {
         /// A shipped scene, a scene file (.json) or a model (.obj).
-        scene: String,
+        scene: PathBuf,
     },
     /// Check a scene file or a model.
     Check {
         /// A scene file (.json), a model (.obj) or a shipped scene.
-        scene: String,
+        scene: PathBuf,
     },
     /// Write a scene as a model and a scene file that give the same picture.
     Export {
         /// A shipped scene, a scene file (.json) or a model (.obj).
-        scene: String,
+        scene: PathBuf,
         /// Folder for NAME.obj and NAME.json [default: out/<scene>].
         #[arg(short, long, value_name = "DIR")]
         out: Option<PathBuf>,
@@ -60,9 +61,10 @@ pub(crate) fn run(command: &SceneCommand, out: &mut impl Write) -> Result<(), Fa
         SceneCommand::Show { scene } => show(&inputs::scene(scene)?, out)?,
         SceneCommand::Check { scene: name } => {
             let scene = inputs::scene(name)?;
-            writeln!(out, "{name}: sound: {}", summary(&scene))?;
+            writeln!(out, "{}: sound: {}", name.display(), summary(&scene))?;
         }
         SceneCommand::Export { scene: name, out: dir } => {
+            on_interrupt(|| ());
             let scene = inputs::scene(name)?;
             let dir = dir.clone().unwrap_or_else(|| Path::new("out").join(&scene.name));
             for path in export(&scene, &inputs::scene_files(name, &scene), &dir)? {
@@ -81,7 +83,7 @@ fn export(scene: &Scene, files_read: &[PathBuf], dir: &Path) -> Result<Vec<PathB
     let mut text = scene_json(scene, &model);
     text.push('\n');
     dir.stage(&file, text.as_bytes())?;
-    Ok(dir.commit()?)
+    Ok(dir.add()?)
 }
 
 fn summary(scene: &Scene) -> String {

@@ -8,12 +8,14 @@ use std::time::Duration;
 use clap::{Args, ValueEnum};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use lrbsim::BadInput;
+use lrbsim::outcomes::replaced_study;
 use lrbsim::results::spare_inputs;
 use lrbsim::study::{self, Options, Progress, Status, Study, run_study};
 use lrbsim_reports::analysis::findings;
 use lrbsim_reports::files::ResultDir;
 
 use super::Failure;
+use super::interrupt::on_interrupt;
 
 /// Points at once at most: a host has no more threads.
 const JOBS_MAX: usize = 1024;
@@ -24,7 +26,7 @@ const CACHE: &str = "out/cache";
 #[derive(Debug, Args)]
 pub(crate) struct StudyArgs {
     /// A shipped study or a study file (.json); see `lrbsim schema study`.
-    study: String,
+    study: PathBuf,
 
     /// Points to run at once, one host thread each [default: the host's threads].
     #[arg(short, long, value_name = "N")]
@@ -59,7 +61,8 @@ pub(crate) struct StudyArgs {
 enum EngineName {
     /// This machine.
     Local,
-    /// A cluster that runs Slurm.
+    /// A cluster that runs Slurm: not in this version, and not in its help.
+    #[value(hide = true)]
     Slurm,
 }
 
@@ -86,7 +89,7 @@ pub(crate) fn run(args: &StudyArgs, out: &mut impl Write) -> Result<bool, Failur
 
     let visible = std::io::stderr().is_terminal();
     let bar = Bar::new(visible, args.resume);
-    let mut again = format!("lrbsim study {}", args.study);
+    let mut again = format!("lrbsim study {}", args.study.display());
     for (option, folder) in [("-o", args.out.as_ref()), ("--cache", Some(&args.cache))] {
         if let Some(folder) = folder.filter(|folder| folder.as_path() != Path::new(CACHE)) {
             again += &format!(" {option} {}", folder.display());
@@ -98,11 +101,24 @@ pub(crate) fn run(args: &StudyArgs, out: &mut impl Write) -> Result<bool, Failur
     bar.finish();
 
     let status = output.status;
+    let replaced = replaced_study(&target, &output.report);
     let paths = study::write(&target, &output.report)?;
     if args.json {
         out.write_all(output.report.to_json().as_bytes())?;
         return Ok(status.failed == 0);
     }
+    let base = &output.report.study.base;
+    let set: Vec<String> = base.set.iter().map(|(path, value)| format!(", {path} = {value}")).collect();
+    writeln!(
+        out,
+        "Study {}: {} on {}, {}, {}{}\n",
+        output.report.study.name,
+        base.scene,
+        base.machine,
+        base.algorithm,
+        base.fidelity,
+        set.concat()
+    )?;
     for (index, finding) in findings(&output.report).iter().enumerate() {
         let gap = if index > 0 { "\n" } else { "" };
         writeln!(out, "{gap}{}\n\n{}", finding.title, finding.sheet.terminal())?;
@@ -122,6 +138,9 @@ pub(crate) fn run(args: &StudyArgs, out: &mut impl Write) -> Result<bool, Failur
     )?;
     let page = target.join("report.html");
     writeln!(out, "wrote {}, study.json and {} more files beside it", page.display(), paths.len() - 2)?;
+    if let Some(replaced) = replaced {
+        writeln!(out, "{replaced}")?;
+    }
     Ok(status.failed == 0)
 }
 
@@ -150,7 +169,7 @@ impl Bar {
         self.bar.finish_and_clear();
     }
 
-    /// On Ctrl-C, says what is kept and how to go on.
+    /// On an interrupt, says what is kept and how to go on.
     fn on_interrupt(&self, again: &str, cache: &Path) {
         let (bar, state) = (self.bar.clone(), self.state.clone());
         let text = format!("finished points are kept in {}; `{again}` goes on from there", cache.display());
@@ -159,10 +178,8 @@ impl Bar {
             let status = state.lock().ok().and_then(|status| *status).unwrap_or_default();
             let done = status.found + status.computed;
             eprintln!("stopped with {done} of {} points finished; {text}", status.points);
-            std::process::exit(130);
         };
-        // Without a handler, Ctrl-C still keeps what is finished; it only does not say so.
-        let _ = ctrlc::set_handler(handler);
+        on_interrupt(handler);
     }
 }
 

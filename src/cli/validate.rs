@@ -10,12 +10,13 @@ use lrbsim_machine::Fidelity;
 use lrbsim_reports::files::ResultDir;
 
 use super::Failure;
+use super::interrupt::on_interrupt;
 
 #[derive(Debug, Args)]
 pub(crate) struct ValidateArgs {
     /// A shipped machine or a machine file (.json).
     #[arg(short, long, default_value = "knc-5110p")]
-    machine: String,
+    machine: PathBuf,
 
     /// Change one field of the machine; may be given again.
     #[arg(long = "set", value_name = "PATH=VALUE")]
@@ -23,7 +24,7 @@ pub(crate) struct ValidateArgs {
 
     /// Published figures, in the format of configs/targets/knc_measured.json, instead of the shipped ones.
     #[arg(long, value_name = "FILE")]
-    targets: Option<String>,
+    targets: Option<PathBuf>,
 
     /// Only rows whose id contains this.
     #[arg(long, value_name = "PATTERN")]
@@ -44,6 +45,7 @@ pub(crate) struct ValidateArgs {
 
 /// Runs the benchmarks; false when a row that must pass does not.
 pub(crate) fn run(args: &ValidateArgs, out: &mut impl Write) -> Result<bool, Failure> {
+    on_interrupt(|| ());
     let fidelity: Fidelity = args
         .fidelity
         .parse()

@@ -14,15 +14,9 @@ use lrbsim_reports::picture::sha256;
 use lrbsim_workloads::Scene;
 use serde::{Deserialize, Serialize};
 
-use super::recipe::Recipe;
 use crate::error::BadInput;
-use crate::frame::{machine_hash, scene_hash};
-use crate::inputs::Machine;
-use crate::lock::Lock;
-
-/// Version of what the simulator's numbers mean. Raise it whenever the same inputs give other numbers: finished points of
-/// an older version are then run again. The test `results_that_change_raise_the_version` reminds of it.
-pub const SEMANTICS: u32 = 4;
+use crate::frame::{SEMANTICS, scene_hash};
+use lrbsim_reports::lock::Lock;
 
 /// A folder of finished points.
 #[derive(Debug, Clone)]
@@ -46,17 +40,46 @@ pub struct Claim {
     _lock: Lock,
 }
 
-/// Hash of everything that determines a point, names included: they stand in its report.
-pub fn key(recipe: &Recipe, machine: &Machine, scene: &SceneName) -> Result<String, BadInput> {
-    let parts = serde_json::json!({
-        "semantics": SEMANTICS,
-        "machine": machine_hash(machine),
-        "scene": scene,
-        "algorithm": recipe.algorithm()?.to_string(),
-        "fidelity": recipe.fidelity()?.to_string(),
-        "warm_frames": recipe.warm_frames(),
-    });
-    Ok(sha256(parts.to_string().as_bytes()))
+/// Everything that determines a point, names included: they stand in its report.
+#[derive(Debug, Serialize)]
+pub struct Inputs<'a> {
+    /// Hash of the machine's numbers.
+    #[serde(rename = "machine")]
+    pub machine_hash: &'a str,
+    /// What is drawn.
+    pub scene: &'a SceneName,
+    /// Algorithm with its options.
+    pub algorithm: &'a str,
+    /// How much of the machine is modeled.
+    pub fidelity: &'a str,
+    /// Frames before the measured one.
+    pub warm_frames: u32,
+}
+
+impl Inputs<'_> {
+    /// Hash of all inputs and of the version of what numbers mean.
+    pub fn key(&self) -> String {
+        let mut parts = serde_json::to_value(self).expect("inputs have string keys");
+        parts["semantics"] = SEMANTICS.into();
+        sha256(parts.to_string().as_bytes())
+    }
+}
+
+impl Entry {
+    /// A point that was run, under the key of what its report says was run.
+    pub fn new(mut report: RunReport, host_seconds: f64) -> Entry {
+        report.machine.sources.clear();
+        let provenance = &report.provenance;
+        let scene = SceneName { name: report.scene.name.clone(), hash: provenance.scene_hash.clone() };
+        let inputs = Inputs {
+            machine_hash: &provenance.machine_hash,
+            scene: &scene,
+            algorithm: &provenance.algorithm,
+            fidelity: &provenance.fidelity,
+            warm_frames: provenance.warm_frames,
+        };
+        Entry { key: inputs.key(), host_seconds, report }
+    }
 }
 
 /// What names a scene.
@@ -122,7 +145,7 @@ impl Claim {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{HostOptions, RunRequest, progress::Quiet, run_frame};
+    use crate::{HostOptions, Machine, RunRequest, progress::Quiet, run_frame};
 
     fn entry(key: &str) -> Entry {
         let request = RunRequest {

@@ -3,11 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use lrbsim_kernels::sism;
+use lrbsim_machine::Fidelity;
 use lrbsim_reports::dictionary;
-use lrbsim_reports::study::{Sampling, StudyFile};
+use lrbsim_reports::study::{AnalysisKind, Draw, Sampling, StudyAxis, StudyFile};
 
 use super::points::{self, Point};
-use super::recipe::{Fault, Recipe};
+use super::recipe::{Fault, Recipe, Refusal};
 use crate::error::BadInput;
 use crate::inputs::{looks_like_file, unknown_name};
 use crate::json::{self, Spots};
@@ -42,16 +43,16 @@ pub struct Study {
 
 impl Study {
     /// Loads a shipped study by name or one from a file. `yes` allows more points than one would start by mistake.
-    pub fn load(name: &str, yes: bool) -> Result<Study, BadInput> {
-        if let Some((_, text)) = STUDIES.iter().find(|(known, _)| *known == name) {
+    pub fn load(name: impl AsRef<Path>, yes: bool) -> Result<Study, BadInput> {
+        let path = name.as_ref();
+        if let Some((name, text)) = STUDIES.iter().find(|(known, _)| Path::new(known) == path) {
             return Study::from_text(&format!("{name}.json"), text, None, yes);
         }
-        if !looks_like_file(name, "json") {
-            return Err(unknown_name(name, "study", "FILE.json", &builtin_study_names()));
+        if !looks_like_file(path, "json") {
+            return Err(unknown_name(path, "study", "FILE.json", &builtin_study_names()));
         }
-        let path = PathBuf::from(name);
-        let text = std::fs::read_to_string(&path).map_err(|error| BadInput::unreadable(&path, &error))?;
-        Study::from_text(name, &text, Some(path), yes)
+        let text = json::text(path)?;
+        Study::from_text(&path.display().to_string(), &text, Some(path.to_owned()), yes)
     }
 
     /// Reads the study in the text of a file.
@@ -62,6 +63,13 @@ impl Study {
             Some(span) => bad.at(shown, text, span, label.to_owned()),
             None => bad,
         };
+        if file.name.is_empty() || file.name.contains(['/', '\\']) || file.name.starts_with('.') {
+            let bad = BadInput::new(format!(
+                "`name` is `{}`; it must be a name for a folder, without `/` and not beginning with a dot",
+                file.name
+            ));
+            return Err(at(bad, "name", "this name"));
+        }
         check_axes(&file, &at)?;
 
         // How many, before the list of them is made.
@@ -87,29 +95,22 @@ impl Study {
         if !file.axes.iter().any(|axis| axis.path == "scene") {
             base.try_scene().map_err(|bad| at(bad, "base", "this base"))?;
         }
+        let mut whole = Vec::new();
         for (index, axis) in file.axes.iter().enumerate() {
-            let values = points::examples(axis);
-            for (number, value) in values.iter().enumerate() {
-                let place = if axis.values.is_empty() {
-                    format!("axes[{index}]")
-                } else {
-                    format!("axes[{index}].values[{number}]")
+            let (takes_whole, tried) = try_axis(&base, axis);
+            whole.push(takes_whole);
+            tried.map_err(|(number, (bad, fault))| {
+                let (place, label) = match (fault, axis.values.is_empty()) {
+                    (Fault::Path, _) => (format!("axes[{index}].path"), "no such path"),
+                    (Fault::Value, true) => (format!("axes[{index}]"), "this range"),
+                    (Fault::Value, false) => (format!("axes[{index}].values[{number}]"), "this value"),
                 };
-                let path_place = format!("axes[{index}].path");
-                let mut recipe = base.clone();
-                let set = recipe.set(&axis.path, value);
-                let tried = if axis.path == "scene" {
-                    set.and_then(|()| recipe.try_scene().map_err(|bad| (bad, Fault::Value)))
-                } else {
-                    set
-                };
-                tried.map_err(|(bad, fault)| {
-                    let (place, label) = match fault {
-                        Fault::Path => (&path_place, "no such path"),
-                        Fault::Value => (&place, "this value"),
-                    };
-                    at(bad, place, label)
-                })?;
+                at(bad, &place, label)
+            })?;
+            if takes_whole && points::holds_no_whole(axis) {
+                let what = if axis.draw == Draw::PowerOfTwo { "power of two" } else { "whole number" };
+                let bad = BadInput::new(format!("the axis `{}` has no {what} in its range", axis.path));
+                return Err(at(bad, &format!("axes[{index}]"), "this range"));
             }
         }
         for (index, excluded) in file.exclude.iter().enumerate() {
@@ -126,7 +127,7 @@ impl Study {
             let bad = BadInput::new("`points` is 0; it must be at least 1");
             return Err(at(bad, "sampling.random.points", "no points"));
         }
-        let points = points::expand(&file, &base)?;
+        let points = points::expand(&file, &base, &whole)?;
         if points.is_empty() {
             return Err(at(
                 BadInput::new("all points of the study are excluded"),
@@ -145,6 +146,35 @@ impl Study {
     /// A study has at least one point.
     pub fn is_empty(&self) -> bool {
         self.points.is_empty()
+    }
+}
+
+/// Number of a value of an axis, and why it is refused.
+type Misfit = (usize, Refusal);
+
+/// Whether all that is drawn for `axis` must be whole, and whether the base takes its values: all of them, or the ends of
+/// its range. Numbers are drawn whole where nothing else is taken, as for `cores`.
+fn try_axis(base: &Recipe, axis: &StudyAxis) -> (bool, Result<(), Misfit>) {
+    let try_all = |whole: bool| -> Result<(), Misfit> {
+        for (number, value) in points::examples(axis, whole).iter().enumerate() {
+            let mut recipe = base.clone();
+            let mut tried = recipe.set(&axis.path, value);
+            if axis.path == "scene" {
+                tried = tried.and_then(|()| recipe.try_scene().map_err(|bad| (bad, Fault::Value)));
+            }
+            tried.map_err(|refusal| (number, refusal))?;
+        }
+        Ok(())
+    };
+    let drawn_whole = matches!(axis.draw, Draw::Integer | Draw::PowerOfTwo);
+    let tried = try_all(drawn_whole);
+    if drawn_whole || !axis.values.is_empty() || tried.is_ok() {
+        return (drawn_whole, tried);
+    }
+    match try_all(true) {
+        Ok(()) => (true, Ok(())),
+        // Neither is taken: the range is at fault, and not the kind of its numbers.
+        misfit => (false, misfit),
     }
 }
 
@@ -173,6 +203,8 @@ fn check_numbers(file: &StudyFile, at: &dyn Fn(BadInput, &str, &str) -> BadInput
         check(column, &format!("columns[{index}]"), &[])?;
     }
     let axes: Vec<String> = file.axes.iter().map(|axis| axis.path.clone()).collect();
+    let untimed =
+        file.base.fidelity == Fidelity::Functional.to_string() && !axes.iter().any(|axis| axis == "fidelity");
     for (index, entry) in file.analysis.iter().enumerate() {
         let analysis = entry.options();
         if let Some(x) = &analysis.x {
@@ -181,8 +213,23 @@ fn check_numbers(file: &StudyFile, at: &dyn Fn(BadInput, &str, &str) -> BadInput
         if let Some(y) = &analysis.y {
             check(y, &format!("analysis[{index}].y"), &[])?;
         }
+        let measured = analysis.y.as_ref().unwrap_or(&file.metric);
+        if analysis.kind != AnalysisKind::Table && untimed && is_timed(measured) {
+            let bad = BadInput::new(format!("`{measured}` is what this analysis is of, and functional runs have no times"))
+                .with_help("take another fidelity, or `\"metric\": \"phases.soft.instructions.total\"` or another number without time");
+            return Err(at(bad, &format!("analysis[{index}]"), "nothing to analyze"));
+        }
     }
     Ok(())
+}
+
+/// Whether the number at `path` is null where nothing is timed.
+fn is_timed(path: &str) -> bool {
+    match path.split('.').collect::<Vec<_>>()[..] {
+        ["total", ..] => true,
+        ["phases", _, part, ..] => !["steps", "tasks", "instructions", "lanes"].contains(&part),
+        _ => false,
+    }
 }
 
 /// Axes have values, or a range where ranges are drawn from; each path once; lists are of one length.
@@ -196,6 +243,8 @@ fn check_axes(file: &StudyFile, at: &dyn Fn(BadInput, &str, &str) -> BadInput) -
         ));
     }
     let random = matches!(file.sampling, Sampling::Random { .. });
+    // A list takes one value of each axis at a time, so that one may come again beside another.
+    let is_list = file.sampling == Sampling::List;
     for (index, axis) in file.axes.iter().enumerate() {
         let place = format!("axes[{index}]");
         let path = &axis.path;
@@ -203,6 +252,13 @@ fn check_axes(file: &StudyFile, at: &dyn Fn(BadInput, &str, &str) -> BadInput) -
             let bad = BadInput::new(format!("the axis `{path}` is there twice"))
                 .with_help("put all values in one axis");
             return Err(at(bad, &format!("{place}.path"), "there already"));
+        }
+        for (number, value) in axis.values.iter().enumerate() {
+            if axis.values[..number].iter().any(|earlier| points::same(earlier, value)) && !is_list {
+                let bad = BadInput::new(format!("the axis `{path}` has the value {value} twice"))
+                    .with_help("remove one of them: a point is run once");
+                return Err(at(bad, &format!("{place}.values[{number}]"), "there already"));
+            }
         }
         match (axis.values.is_empty(), axis.min, axis.max) {
             (false, None, None) => {}
@@ -212,10 +268,7 @@ fn check_axes(file: &StudyFile, at: &dyn Fn(BadInput, &str, &str) -> BadInput) -
                 return Err(at(bad, &place, "this axis"));
             }
             (true, Some(min), Some(max)) if random => {
-                let positive = matches!(
-                    axis.draw,
-                    lrbsim_reports::study::Draw::Log | lrbsim_reports::study::Draw::PowerOfTwo
-                );
+                let positive = matches!(axis.draw, Draw::Log | Draw::PowerOfTwo);
                 if min > max || (positive && min <= 0.0) {
                     let right = if positive { "0 < `min` <= `max`" } else { "`min` <= `max`" };
                     let bad = BadInput::new(format!(

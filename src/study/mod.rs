@@ -15,19 +15,18 @@ mod run;
 
 use std::path::{Path, PathBuf};
 
-pub use cache::{Cache, SEMANTICS};
+pub use cache::Cache;
 pub use file::{Study, builtin_study_names};
 pub use forecast::Forecast;
 pub use recipe::Recipe;
 pub use run::{Options, Progress, Status, StudyOutput, run_study};
 
 use lrbsim_reports::analysis::{Finding, findings, markdown};
-use lrbsim_reports::files::write_with_temporary;
+use lrbsim_reports::files::ResultDir;
 use lrbsim_reports::page;
 use lrbsim_reports::study::StudyReport;
 
 use crate::error::BadInput;
-use crate::lock::Lock;
 use crate::results::safe_name;
 
 /// Default folder of a study's results.
@@ -50,21 +49,12 @@ pub fn drawings(study: &StudyReport) -> Vec<(String, Vec<u8>)> {
     files
 }
 
-/// Writes the results of a study to `dir`, `study.json` last, and tells their paths.
-///
-/// Two studies may write to one folder: the second waits for the first. What a killed one left half is written over.
+/// Writes the results of a study to `dir`, `study.json` last, in place of the results there, and tells their paths.
 pub fn write(dir: &Path, study: &StudyReport) -> Result<Vec<PathBuf>, BadInput> {
-    let cannot =
-        |error: std::io::Error| BadInput::new(format!("cannot write to `{}`: {error}", dir.display()));
-    std::fs::create_dir_all(dir).map_err(cannot)?;
-    let _lock = Lock::wait(&dir.join(".lock")).map_err(cannot)?;
-    let mut files = drawings(study);
-    files.push(("study.json".to_owned(), study.to_json().into_bytes()));
-    let mut paths = Vec::new();
-    for (name, bytes) in files {
-        let path = dir.join(&name);
-        write_with_temporary(&path, &dir.join(format!(".{name}.partial")), &bytes)?;
-        paths.push(path);
+    let mut dir = ResultDir::open(dir)?;
+    for (name, bytes) in drawings(study) {
+        dir.stage(&name, &bytes)?;
     }
-    Ok(paths)
+    dir.stage("study.json", study.to_json().as_bytes())?;
+    Ok(dir.replace()?)
 }

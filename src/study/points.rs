@@ -20,16 +20,27 @@ pub fn count(file: &StudyFile) -> u64 {
     }
 }
 
-/// Values of an axis to try: all of them, or the ends of its range.
-pub fn examples(axis: &StudyAxis) -> Vec<Value> {
+/// Values of an axis to try: all of them, or the ends of its range, as whole numbers if it is drawn `whole`.
+pub fn examples(axis: &StudyAxis, whole: bool) -> Vec<Value> {
     if !axis.values.is_empty() {
         return axis.values.clone();
     }
-    [axis.min, axis.max].into_iter().flatten().map(|end| number(end, axis.draw)).collect()
+    let (min, max) = (axis.min.unwrap_or(0.0), axis.max.unwrap_or(0.0));
+    let ends = if whole { [min.ceil(), max.floor()] } else { [min, max] };
+    ends.into_iter().map(|end| number(end, whole)).collect()
 }
 
-/// All points of a study, those left out left out, none twice.
-pub fn expand(file: &StudyFile, base: &Recipe) -> Result<Vec<Point>, BadInput> {
+/// Whether the range of an axis that is drawn whole has nothing to draw.
+pub fn holds_no_whole(axis: &StudyAxis) -> bool {
+    let Some((min, max)) = axis.min.zip(axis.max) else { return false };
+    match axis.draw {
+        Draw::PowerOfTwo => min.log2().ceil() > max.log2().floor(),
+        Draw::Linear | Draw::Log | Draw::Integer => min.ceil() > max.floor(),
+    }
+}
+
+/// All points of a study, those left out left out, none twice. `whole` says of each axis whether it is drawn whole.
+pub fn expand(file: &StudyFile, base: &Recipe, whole: &[bool]) -> Result<Vec<Point>, BadInput> {
     let all = match file.sampling {
         Sampling::Grid => grid(&file.axes),
         Sampling::List => {
@@ -37,7 +48,7 @@ pub fn expand(file: &StudyFile, base: &Recipe) -> Result<Vec<Point>, BadInput> {
             (0..length).map(|i| file.axes.iter().map(|axis| axis.values[i].clone()).collect()).collect()
         }
         Sampling::OneAtATime => one_at_a_time(file, base)?,
-        Sampling::Random { points, seed } => random(&file.axes, points, seed),
+        Sampling::Random { points, seed } => random(&file.axes, whole, points, seed),
     };
     let excluded = |point: &Point| {
         file.exclude.iter().any(|exclusion| {
@@ -56,7 +67,7 @@ pub fn expand(file: &StudyFile, base: &Recipe) -> Result<Vec<Point>, BadInput> {
 }
 
 /// 24 and 24.0 are one value.
-fn same(a: &Value, b: &Value) -> bool {
+pub fn same(a: &Value, b: &Value) -> bool {
     a == b || (a.is_number() && a.as_f64() == b.as_f64())
 }
 
@@ -85,12 +96,13 @@ fn one_at_a_time(file: &StudyFile, base: &Recipe) -> Result<Vec<Point>, BadInput
     Ok(points)
 }
 
-fn random(axes: &[StudyAxis], points: u32, seed: u64) -> Vec<Point> {
+fn random(axes: &[StudyAxis], whole: &[bool], points: u32, seed: u64) -> Vec<Point> {
     let mut random = SplitMix(seed);
-    (0..points).map(|_| axes.iter().map(|axis| drawn(axis, &mut random)).collect()).collect()
+    let mut point = || axes.iter().zip(whole).map(|(axis, whole)| drawn(axis, *whole, &mut random)).collect();
+    (0..points).map(|_| point()).collect()
 }
 
-fn drawn(axis: &StudyAxis, random: &mut SplitMix) -> Value {
+fn drawn(axis: &StudyAxis, whole: bool, random: &mut SplitMix) -> Value {
     if !axis.values.is_empty() {
         let index = (random.unit() * axis.values.len() as f64) as usize;
         return axis.values[index.min(axis.values.len() - 1)].clone();
@@ -98,23 +110,24 @@ fn drawn(axis: &StudyAxis, random: &mut SplitMix) -> Value {
     let (min, max) = (axis.min.unwrap_or(0.0), axis.max.unwrap_or(0.0));
     let at = random.unit();
     let value = match axis.draw {
-        Draw::Linear => min + at * (max - min),
-        Draw::Log => min * (max / min).powf(at),
-        Draw::Integer => (min.ceil() + (at * (max.floor() - min.ceil() + 1.0)).floor()).min(max.floor()),
+        Draw::Linear | Draw::Integer if whole => {
+            (min.ceil() + (at * (max.floor() - min.ceil() + 1.0)).floor()).min(max.floor())
+        }
+        Draw::Linear | Draw::Integer => min + at * (max - min),
+        Draw::Log => {
+            let value = min * (max / min).powf(at);
+            if whole { value.round().clamp(min.ceil(), max.floor()) } else { value }
+        }
         Draw::PowerOfTwo => {
             let (low, high) = (min.log2().ceil(), max.log2().floor());
             (low + (at * (high - low + 1.0)).floor()).min(high).exp2()
         }
     };
-    number(value, axis.draw)
+    number(value, whole)
 }
 
 /// A number as JSON has it: whole ones without a fraction.
-fn number(value: f64, draw: Draw) -> Value {
-    let whole = match draw {
-        Draw::Linear | Draw::Log => false,
-        Draw::Integer | Draw::PowerOfTwo => true,
-    };
+fn number(value: f64, whole: bool) -> Value {
     if whole { Value::from(value.round() as i64) } else { Value::from(value) }
 }
 
@@ -145,7 +158,8 @@ mod tests {
     fn points(text: Value) -> Vec<Value> {
         let file = file(text);
         let base = Recipe::of_base(&file.base, std::path::Path::new("")).expect("a sound base");
-        expand(&file, &base).expect("sound").into_iter().map(Value::from).collect()
+        let whole: Vec<bool> = file.axes.iter().map(|axis| axis.draw != Draw::Log).collect();
+        expand(&file, &base, &whole).expect("sound").into_iter().map(Value::from).collect()
     }
 
     fn two_axes(sampling: Value, exclude: Value) -> Value {

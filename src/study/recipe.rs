@@ -11,6 +11,7 @@ use serde_json::Value;
 
 use crate::algorithm::Algorithm;
 use crate::error::BadInput;
+use crate::frame::check_warm_frames;
 use crate::inputs::{self, Machine};
 use crate::settings::{Setting, nearest_first};
 
@@ -36,7 +37,7 @@ pub struct Recipe {
 }
 
 /// Bad input, and what is at fault.
-type Refusal = (BadInput, Fault);
+pub type Refusal = (BadInput, Fault);
 
 /// Which part of a setting is at fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -73,7 +74,7 @@ impl Recipe {
         self.machine()?;
         self.algorithm()?;
         self.fidelity()?;
-        Ok(())
+        check_warm_frames(self.warm_frames)
     }
 
     /// Tries the scene, as far as can be without making its triangles.
@@ -119,6 +120,7 @@ impl Recipe {
                 self.warm_frames = frames.ok_or_else(|| {
                     wrong(BadInput::new(format!("{said}: `warm_frames` must be a whole number, 0 or more")))
                 })?;
+                check_warm_frames(self.warm_frames).map_err(wrong)?;
             }
             ("time", "") => {
                 let time = value.as_f64().filter(|time| (0.0..=1.0).contains(time));
@@ -138,7 +140,7 @@ impl Recipe {
     /// value may be sound beside one value of another axis and not beside the next.
     fn check_machine(&self, path: &str) -> Result<(), Refusal> {
         let name = self.machine_name();
-        let plain = Machine::load(&name, &[]).map_err(|bad| (bad, Fault::Value))?;
+        let plain = Machine::load(name, &[]).map_err(|bad| (bad, Fault::Value))?;
         let mut tree = serde_json::to_value(&plain.config).expect("a configuration has string keys");
         tree.as_object_mut().expect("an object").remove("sources");
         let pointer = format!("/{}", path.replace('.', "/"));
@@ -181,12 +183,12 @@ impl Recipe {
 
     /// The machine.
     pub fn machine(&self) -> Result<Machine, BadInput> {
-        Machine::load(&self.machine_name(), &self.machine_settings)
+        Machine::load(self.machine_name(), &self.machine_settings)
     }
 
     /// The scene.
     pub fn scene(&self) -> Result<Scene, BadInput> {
-        let scene = inputs::scene_with(&self.scene_name(), &self.scene_settings)?;
+        let scene = inputs::scene_with(self.scene_name(), &self.scene_settings)?;
         match self.time {
             None => Ok(scene),
             Some(time) => inputs::at_time(&scene, time, &format!("`time` = {time}")),
@@ -196,7 +198,7 @@ impl Recipe {
     /// Names the scene with its settings: recipes of one name share a scene.
     pub fn scene_text(&self) -> String {
         let settings: Vec<&str> = self.scene_settings.iter().map(|setting| setting.said.as_str()).collect();
-        format!("{} {} {:?}", self.scene_name(), settings.join(" "), self.time)
+        format!("{:?} {} {:?}", self.scene_name(), settings.join(" "), self.time)
     }
 
     /// The algorithm.
@@ -221,17 +223,21 @@ impl Recipe {
         self.warm_frames
     }
 
-    fn machine_name(&self) -> String {
+    fn machine_name(&self) -> PathBuf {
         self.beside(&self.machine)
     }
 
-    fn scene_name(&self) -> String {
-        if builtin_scene(&self.scene).is_some() { self.scene.clone() } else { self.beside(&self.scene) }
+    fn scene_name(&self) -> PathBuf {
+        if builtin_scene(&self.scene).is_some() {
+            PathBuf::from(&self.scene)
+        } else {
+            self.beside(&self.scene)
+        }
     }
 
     /// A file beside the study file, if there is one of this name; the name itself otherwise.
-    fn beside(&self, name: &str) -> String {
+    fn beside(&self, name: &str) -> PathBuf {
         let path = self.folder.join(name);
-        if path.is_file() { path.to_string_lossy().into_owned() } else { name.to_owned() }
+        if path.is_file() { path } else { PathBuf::from(name) }
     }
 }

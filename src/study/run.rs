@@ -11,14 +11,14 @@ use lrbsim_machine::Fidelity;
 use lrbsim_reports::study::{STUDY_SCHEMA_VERSION, StudyPoint, StudyReport};
 use lrbsim_workloads::Scene;
 
-use super::cache::{Cache, Entry, SEMANTICS, SceneName, key};
+use super::cache::{Cache, Entry, Inputs, SceneName};
 use super::file::Study;
 use super::forecast::Forecast;
 use super::memory;
 use super::points::Point;
 use super::recipe::Recipe;
 use crate::error::BadInput;
-use crate::frame::{HostOptions, RunRequest, run_frame};
+use crate::frame::{HostOptions, RunRequest, SEMANTICS, machine_hash, run_frame};
 use crate::host::Stopwatch;
 use crate::inputs::Machine;
 use crate::progress::Quiet;
@@ -189,7 +189,14 @@ fn plan(
             stage
         }
     };
-    let key = key(&recipe, &machine, &stage.name)?;
+    let key = Inputs {
+        machine_hash: &machine_hash(&machine),
+        scene: &stage.name,
+        algorithm: &recipe.algorithm()?.to_string(),
+        fidelity: &fidelity.to_string(),
+        warm_frames: recipe.warm_frames(),
+    }
+    .key();
     // The caches of another machine may be larger.
     let memory = match &stage.scene {
         Some(scene) => memory::estimate(scene, &machine),
@@ -234,9 +241,15 @@ impl Job {
         let output = std::panic::catch_unwind(AssertUnwindSafe(|| run_frame(&request, &Quiet)))
             .map_err(|panic| format!("the simulator failed: {}", said(panic.as_ref())))?
             .map_err(|bad| explained(&bad))?;
-        let mut report = output.report;
-        report.machine.sources.clear();
-        Ok(Entry { key: self.key.clone(), host_seconds: output.host.seconds, report })
+        let entry = Entry::new(output.report, output.host.seconds);
+        if entry.key != self.key {
+            // The key says what was asked for and the entry what was run: a scene that is loaded again may be another one.
+            return Err(format!(
+                "the files of scene `{}` changed while the study ran; run the study again",
+                entry.report.scene.name
+            ));
+        }
+        Ok(entry)
     }
 }
 
@@ -465,6 +478,27 @@ mod tests {
         assert!(state.has_room(1000, 100), "one runs, however large");
         (state.running, state.memory) = (1, 60);
         assert!(state.has_room(40, 100) && !state.has_room(41, 100) && !state.has_room(u64::MAX, 100));
+    }
+
+    #[test]
+    fn a_model_that_is_edited_while_a_study_runs_is_not_taken_for_what_it_was() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let model = folder.path().join("model.obj");
+        let corners = "v -1 0 -1\nv 1 0 -1\nv 0 0 1\nv 0 1 0\n";
+        let write = |faces: &str| std::fs::write(&model, format!("{corners}{faces}")).expect("writable");
+        write("f 1 2 3\n");
+        let text = r#"{"name": "edit", "base": {"scene": "model.obj", "fidelity": "functional",
+            "set": {"scene.image.width": 8, "scene.image.height": 8}}, "axes": [{"path": "cores", "values": [1]}]}"#;
+        let study = Study::from_text("edit.json", text, Some(folder.path().join("edit.json")), false);
+        let study = study.expect("a sound study");
+        let base = Recipe::of_base(&study.file.base, folder.path()).expect("a sound base");
+        let mut job = plan(&study, &base, &study.points[0], &mut BTreeMap::new()).expect("a sound point");
+        // As of a scene beyond those that are kept loaded.
+        job.stage.scene = None;
+        assert_eq!(job.run().expect("the model is as it was").key, job.key);
+        write("f 1 2 3\nf 1 2 4\n");
+        let refusal = job.run().expect_err("another model");
+        assert!(refusal.contains("scene `model` changed while the study ran"), "{refusal}");
     }
 
     #[test]

@@ -46,7 +46,7 @@ pub fn write(validation: &Validation, machine: &Machine, out: ResultDir) -> Resu
     for (name, text) in &files {
         out.stage(name, text.as_bytes())?;
     }
-    out.commit()?;
+    out.add()?;
     Ok(())
 }
 

@@ -58,10 +58,8 @@ impl Targets {
     }
 
     /// Reads the figures in a file.
-    pub fn load(file: &str) -> Result<Targets, BadInput> {
-        let text =
-            std::fs::read_to_string(file).map_err(|error| BadInput::unreadable(Path::new(file), &error))?;
-        Targets::from_text(file, &text)
+    pub fn load(file: &Path) -> Result<Targets, BadInput> {
+        Targets::from_text(&file.display().to_string(), &json::text(file)?)
     }
 
     fn from_text(file: &str, text: &str) -> Result<Targets, BadInput> {

@@ -4,6 +4,9 @@ use glam::DVec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::fit::distance_to_triangle;
+use crate::mesh::Mesh;
+
 /// An area light, in world units. A directional light is a far one.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
@@ -27,7 +30,8 @@ pub enum Light {
         /// 0 or more.
         radius: f64,
     },
-    /// The parallelogram `center + s half_u + t half_v`, s and t in [-1, 1].
+    /// The parallelogram `center + s half_u + t half_v`, s and t in [-1, 1]. No kernel draws it yet: scenes with one are
+    /// refused, and only the reference rays sample it.
     Rect {
         /// Middle of the light.
         #[schemars(with = "[f64; 3]")]
@@ -39,7 +43,8 @@ pub enum Light {
         #[schemars(with = "[f64; 3]")]
         half_v: DVec3,
     },
-    /// The straight line from `p0` to `p1`.
+    /// The straight line from `p0` to `p1`. No kernel draws it yet: scenes with one are refused, and only the reference
+    /// rays sample it.
     Linear {
         /// One end.
         #[schemars(with = "[f64; 3]")]
@@ -69,29 +74,46 @@ impl Light {
         }
     }
 
-    /// Radius of the disc that kernels take the light for.
+    /// Radius of the disc that kernels take the light for: of a sphere, a disc or a point.
     ///
-    /// Exact for sphere, disc and point. A rectangle counts as the disc of the same area, a line as one half as
-    /// wide as the line is long: kernels know discs only.
+    /// # Panics
+    /// If the light is a rectangle or a line, which no kernel draws and no scene may have.
     #[must_use]
     pub fn disc_radius(&self) -> f64 {
         match *self {
             Self::Sphere { radius, .. } | Self::Disc { radius, .. } => radius,
-            Self::Rect { half_u, half_v, .. } => {
-                (4.0 * half_u.cross(half_v).length() / core::f64::consts::PI).sqrt()
-            }
-            Self::Linear { p0, p1 } => (p1 - p0).length() * 0.25,
             Self::Point { .. } => 0.0,
+            Self::Rect { .. } | Self::Linear { .. } => panic!("no kernel draws {self:?}"),
         }
     }
 
     /// Unit normal of the disc that kernels take the light for; `None` if that disc turns to face each receiver.
+    ///
+    /// # Panics
+    /// As [`Light::disc_radius`].
     #[must_use]
     pub fn disc_normal(&self) -> Option<DVec3> {
         match *self {
             Self::Disc { normal, .. } => Some(normal.normalize()),
-            Self::Rect { half_u, half_v, .. } => Some(half_u.cross(half_v).normalize()),
-            Self::Sphere { .. } | Self::Linear { .. } | Self::Point { .. } => None,
+            Self::Sphere { .. } | Self::Point { .. } => None,
+            Self::Rect { .. } | Self::Linear { .. } => panic!("no kernel draws {self:?}"),
+        }
+    }
+
+    /// Whether a triangle of `mesh` reaches into the light: into the ball that a sphere's disc turns in, or through a disc.
+    ///
+    /// # Panics
+    /// As [`Light::disc_radius`].
+    #[must_use]
+    pub fn touches(&self, mesh: &Mesh) -> bool {
+        let (center, radius) = (self.center(), self.disc_radius());
+        let mut triangles = (0..mesh.triangles.len()).map(|triangle| mesh.corners(triangle));
+        match self.disc_normal() {
+            None => triangles.any(|corners| distance_to_triangle(center, corners) < radius),
+            Some(normal) => triangles.any(|corners| {
+                let cut = cut_by_plane(corners, center, normal);
+                cut.is_some_and(|[a, b]| distance_to_triangle(center, [a, b, b]) < radius)
+            }),
         }
     }
 
@@ -104,5 +126,43 @@ impl Light {
             Self::Point { center } => Some(Self::Sphere { center, radius }),
             Self::Rect { .. } | Self::Linear { .. } => None,
         }
+    }
+}
+
+/// Where a triangle crosses the plane through `center` across `normal`: a line from end to end; `None` where it does not.
+fn cut_by_plane(corners: [DVec3; 3], center: DVec3, normal: DVec3) -> Option<[DVec3; 2]> {
+    let heights = corners.map(|corner| (corner - center).dot(normal));
+    let crosses = heights.iter().any(|height| *height > 0.0) && heights.iter().any(|height| *height < 0.0);
+    let mut points = (0..3).filter(|_| crosses).filter_map(|i| {
+        let (j, from, to) = ((i + 1) % 3, heights[i], heights[(i + 1) % 3]);
+        (from == 0.0 || from * to < 0.0).then(|| corners[i].lerp(corners[j], from / (from - to)))
+    });
+    Some([points.next()?, points.next()?])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_light_touches_what_reaches_into_it() {
+        let mesh = |height: f64| Mesh {
+            positions: vec![
+                DVec3::new(-4.0, height, -4.0),
+                DVec3::new(4.0, height, -4.0),
+                DVec3::new(0.0, height, 5.0),
+            ],
+            triangles: vec![[0, 1, 2]],
+            ..Mesh::default()
+        };
+        let center = DVec3::Y;
+        let sphere = Light::Sphere { center, radius: 0.5 };
+        assert!(sphere.touches(&mesh(0.6)) && !sphere.touches(&mesh(0.4)));
+        assert!(!Light::Point { center }.touches(&mesh(1.0)));
+        // A lamp set into a ceiling is not cut by it.
+        let lamp = Light::Disc { center, normal: DVec3::NEG_Y, radius: 0.5 };
+        assert!(!lamp.touches(&mesh(1.001)) && !lamp.touches(&mesh(1.0)));
+        let upright = Light::Disc { center, normal: DVec3::X, radius: 0.5 };
+        assert!(upright.touches(&mesh(1.4)) && !upright.touches(&mesh(1.6)));
     }
 }

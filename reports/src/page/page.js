@@ -220,6 +220,7 @@ function runSections(report, pictures) {
   return [
     note(`${report.provenance.algorithm}, ${report.provenance.fidelity}, ${scene.width} \u00d7 ${scene.height} pixels, ${grouped(scene.triangles)} triangles, ${grouped(scene.silhouette_edges)} silhouette edges, ${report.machine.cores} cores at ${report.machine.clock_ghz} GHz`),
     changed.length ? note(`Differs from the shipped ${report.machine.name}: ${changed.map(([path, value]) => `${path} ${value}`).join(", ")}.`) : null,
+    ...report.warnings.map((warning) => element("p", { class: "error" }, `Warning: ${warning.message}.`)),
     figures([["milliseconds a frame", total.ms === null ? null : short(total.ms)], ["frames a second", total.fps === null ? null : short(total.fps)],
       ["ms of the paper's phases", total.paper_ms === null ? null : short(total.paper_ms)], ["mean visibility", report.image.mean_visibility === null ? null : short(report.image.mean_visibility)], ["receivers in penumbra", grouped(report.image.penumbra_receivers)]]),
     phaseTable(report), pictureSection(pictures), stackSection(report), coresSection(report), ...lanesSection(report), rooflineSection(report), memorySection(report), configSection(report), validationSection(report), provenanceSection(report),

@@ -5,7 +5,7 @@ use crate::lanes::{LANES, Lanes};
 use crate::stream::{Stream, StreamLine};
 use crate::uop::{Class, Uop};
 
-/// Vector registers of a hardware thread [machine.md 1.2: abrash09].
+/// Vector registers of a hardware thread [abrash09; docs/machine.md 1.2].
 pub const VECTOR_REGISTERS: u32 = 32;
 
 /// How many vector registers a task needs at once, and how often it needs more than there are.

@@ -190,7 +190,7 @@ fn best<T>(scored: Vec<(f64, T)>) -> Option<T> {
 }
 
 /// Distance from `p` to the nearest point of a triangle [Ericson 2005, §5.1.5].
-pub(super) fn distance_to_triangle(p: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
+pub(crate) fn distance_to_triangle(p: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
     let (ab, ac) = (b - a, c - a);
     let normal = ab.cross(ac);
     let inside = [(a, b), (b, c), (c, a)].iter().all(|&(u, v)| (v - u).cross(p - u).dot(normal) >= 0.0);

@@ -8,6 +8,8 @@ mod tests;
 
 use core::f64::consts::TAU;
 
+pub(crate) use interior::distance_to_triangle;
+
 use glam::DVec3;
 
 use crate::adjacency::{Adjacency, prepare};

@@ -27,7 +27,11 @@ impl Rays {
     /// `count` rays a receiver; a point light, or a radius of 0, takes one.
     #[must_use]
     pub fn new(light: &Light, count: u32) -> Self {
-        let count = if light.disc_radius() == 0.0 { 1 } else { count.max(1) };
+        let point = match light {
+            Light::Rect { .. } | Light::Linear { .. } => false,
+            round => round.disc_radius() == 0.0,
+        };
+        let count = if point { 1 } else { count.max(1) };
         let n = f64::from(count);
         let sample = |i: u32| match light {
             Light::Rect { .. } => {
@@ -36,7 +40,7 @@ impl Rays {
                 DVec2::new((k * 0.754_877_666_246_692_8).fract(), (k * 0.569_840_290_998_053_3).fract())
             }
             Light::Linear { .. } => DVec2::new((f64::from(i) + 0.5) / n, 0.0),
-            _ if light.disc_radius() == 0.0 => DVec2::ZERO,
+            _ if point => DVec2::ZERO,
             _ => {
                 let (radius, angle) = (((f64::from(i) + 0.5) / n).sqrt(), f64::from(i) * GOLDEN_ANGLE);
                 DVec2::new(libm::cos(angle), libm::sin(angle)) * radius

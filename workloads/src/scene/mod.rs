@@ -16,7 +16,7 @@ pub use builtin::{builtin_names, builtin_scene, model_names};
 pub use error::SceneError;
 pub use file::{MeshSource, Procedural, SceneFile};
 pub use motion::{Motion, Track};
-pub use search::find_model;
+pub use search::{find_bare_model, find_model};
 pub use validate::{validate, validate_light_size};
 
 use validate::validate_extent;
@@ -74,16 +74,18 @@ impl Scene {
 
 /// Loads a scene: the name of a shipped one, a `FILE.json`, or a `FILE.obj`, which gets a fitted view.
 ///
-/// Paths of files are relative to `base_dir`; the model that a scene file names is looked up as [`search`] says.
+/// Paths of files are relative to `base_dir`; models are looked up as [`search`] says.
 ///
 /// # Errors
 /// If a file cannot be read or is not sound; names the place, what was found and what would be right.
-pub fn load_scene(arg: &str, base_dir: &Path) -> Result<Scene, SceneError> {
-    if let Some(text) = builtin_scene(arg) {
-        return parse_scene(text, arg, base_dir);
+pub fn load_scene(arg: impl AsRef<Path>, base_dir: &Path) -> Result<Scene, SceneError> {
+    let arg = arg.as_ref();
+    let shown = arg.display().to_string();
+    if let Some(text) = arg.to_str().and_then(builtin_scene) {
+        return parse_scene(text, &shown, base_dir);
     }
     let path = base_dir.join(arg);
-    let name = path.file_stem().map_or_else(|| arg.to_owned(), |s| s.to_string_lossy().into_owned());
+    let name = path.file_stem().map_or_else(|| shown.clone(), |s| s.to_string_lossy().into_owned());
     match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
         Some("json") => {
             let text = std::fs::read_to_string(&path)
@@ -91,14 +93,14 @@ pub fn load_scene(arg: &str, base_dir: &Path) -> Result<Scene, SceneError> {
             parse_scene(&text, &name, path.parent().unwrap_or(base_dir))
         }
         Some("obj") => {
-            let mesh = obj::read_file(&path)?;
+            let mesh = obj::read_file(&find_bare_model(arg, base_dir))?;
             if mesh.triangles.is_empty() {
-                return Err(SceneError::NoTriangles { mesh: arg.to_owned() });
+                return Err(SceneError::NoTriangles { mesh: shown });
             }
-            validate_extent(&mesh, arg)?;
-            Ok(Scene { name, source: arg.to_owned(), ..fit_scene(mesh) })
+            validate_extent(&mesh, &shown)?;
+            Ok(Scene { name, source: shown, ..fit_scene(mesh) })
         }
-        _ => Err(SceneError::Unknown { found: arg.to_owned(), known: builtin_names().join(", ") }),
+        _ => Err(SceneError::Unknown { found: shown, known: builtin_names().join(", ") }),
     }
 }
 
@@ -107,7 +109,8 @@ pub fn load_scene(arg: &str, base_dir: &Path) -> Result<Scene, SceneError> {
 /// # Errors
 /// As [`load_scene`].
 pub fn parse_scene(text: &str, name: &str, mesh_dir: &Path) -> Result<Scene, SceneError> {
-    let file: SceneFile = serde_json::from_str(text)?;
+    // Some editors put a byte order mark first.
+    let file: SceneFile = serde_json::from_str(text.trim_start_matches('\u{feff}'))?;
     validate(&file)?;
     let mesh = match &file.mesh {
         MeshSource::Path(path) => obj::read_file(&find_model(path, mesh_dir)?)?,

@@ -229,7 +229,7 @@ fn shipped_views_of_models_are_sound() {
 fn models_shipped_beside_their_views_are_found_and_whole() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/scenes/models");
     for (name, triangles) in [("tavern", 63_403), ("dinner_table", 8_064), ("table_blocker", 410)] {
-        let scene = load_scene(&folder.join(format!("{name}.json")).to_string_lossy(), &folder).expect(name);
+        let scene = load_scene(folder.join(format!("{name}.json")), &folder).expect(name);
         assert_eq!(scene.mesh.triangles.len(), triangles, "{name}");
     }
 }

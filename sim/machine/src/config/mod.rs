@@ -169,7 +169,7 @@ pub struct TlbLevelConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RingConfig {
-    /// Bytes that a link moves in a cycle in each direction.
+    /// Bytes that a link moves in a cycle in each direction: a power of two, at most the 64 of a line.
     pub bytes_per_cycle: u32,
     /// Cycles from a stop to the next.
     pub hop_cycles: u32,

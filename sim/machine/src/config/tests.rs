@@ -56,7 +56,7 @@ fn every_number_has_a_source_and_every_source_a_field() {
 #[test]
 fn unsound_numbers_are_refused_by_path() {
     type Edit = fn(&mut MachineConfig);
-    let cases: [(&str, Edit); 20] = [
+    let cases: [(&str, Edit); 22] = [
         ("name", |c| c.name = " ".to_owned()),
         ("cores", |c| c.cores = 0),
         ("threads_per_core", |c| c.threads_per_core = 0),
@@ -71,6 +71,8 @@ fn unsound_numbers_are_refused_by_path() {
         ("l2.hit_cycles", |c| c.l2.hit_cycles = 3),
         ("l2.mshrs", |c| c.l2.mshrs = 0),
         ("ring.bytes_per_cycle", |c| c.ring.bytes_per_cycle = 0),
+        ("ring.bytes_per_cycle", |c| c.ring.bytes_per_cycle = 63),
+        ("ring.bytes_per_cycle", |c| c.ring.bytes_per_cycle = 128),
         ("ring.cores_per_ring", |c| c.ring.cores_per_ring = 0),
         ("core.l1_accesses_per_cycle", |c| c.core.l1_accesses_per_cycle = 5),
         ("memory.write_buffer_lines", |c| c.memory.write_buffer_lines = 0),

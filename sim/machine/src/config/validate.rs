@@ -211,7 +211,15 @@ pub(super) fn validate(config: &MachineConfig) -> Result<MachineSpec, ConfigErro
 
     // The ring and what stands at its stops.
     let cores_per_ring = range("ring.cores_per_ring", config.ring.cores_per_ring, 1, 4096)?;
-    let bytes_per_cycle = range("ring.bytes_per_cycle", config.ring.bytes_per_cycle, 1, 4096)?;
+    let bytes_per_cycle = config.ring.bytes_per_cycle;
+    if !bytes_per_cycle.is_power_of_two() || u64::from(bytes_per_cycle) > LINE_BYTES {
+        // Anything else would move lines as the next smaller of these does.
+        return error(
+            "ring.bytes_per_cycle",
+            bytes_per_cycle,
+            format_args!("a power of two from 1 to {LINE_BYTES}, the bytes of a line"),
+        );
+    }
     let ring = RingSpec {
         rings: cores.div_ceil(cores_per_ring),
         line_slots: (LINE_BYTES as u32).div_ceil(bytes_per_cycle),
