@@ -2,15 +2,32 @@
 
 use glam::DVec3;
 
-/// A name and the triangles it covers: `first..last`, half open.
+/// Names and the triangles that they cover: `first..last`, half open.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ObjectRange {
-    /// Name as in the file; empty if the file gives none. Need not be unique.
+    /// Name of the object as in the file; empty if the file gives none. Need not be unique.
     pub name: String,
+    /// Names of the groups that the triangles belong to, with blanks between them, as in the file; mostly empty.
+    pub groups: String,
     /// First triangle of the object.
     pub first: u32,
     /// One past the last triangle of the object.
     pub last: u32,
+}
+
+impl ObjectRange {
+    /// Every name that these triangles go by: the object's, each group's, and the groups' as one, since many a program
+    /// writes one name with blanks in it. Empty ones are left out.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        let whole = [self.name.as_str(), self.groups.as_str()];
+        whole.into_iter().filter(|name| !name.is_empty()).chain(self.groups.split_whitespace())
+    }
+
+    /// Whether the triangles go by `name`.
+    #[must_use]
+    pub fn is_called(&self, name: &str) -> bool {
+        self.names().any(|known| known == name)
+    }
 }
 
 /// Indexed triangles, f64, world space, any unit.
@@ -110,6 +127,7 @@ impl Mesh {
         self.triangles.extend(other.triangles.iter().map(|t| t.map(|v| v + first_vertex)));
         self.objects.extend(other.objects.iter().map(|o| ObjectRange {
             name: o.name.clone(),
+            groups: o.groups.clone(),
             first: o.first + first_triangle,
             last: o.last + first_triangle,
         }));

@@ -95,6 +95,7 @@ pub fn fit_scene(mut mesh: Mesh) -> Scene {
         source: String::new(),
         motion: None,
         fit: Some(fitted.info),
+        left_out: Vec::new(),
     }
 }
 

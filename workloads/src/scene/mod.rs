@@ -26,6 +26,7 @@ use crate::camera::{Camera, ImageSize};
 use crate::fit::{FitInfo, fit_scene};
 use crate::light::Light;
 use crate::mesh::Mesh;
+use crate::obj::LeftOut;
 use crate::{obj, procedural};
 
 /// A scene that can be rendered: valid, mesh prepared ([`prepare`]) and with at least one triangle.
@@ -47,6 +48,8 @@ pub struct Scene {
     pub motion: Option<Motion>,
     /// What was fitted, if the scene is a bare OBJ file.
     pub fit: Option<FitInfo>,
+    /// Statements of the OBJ file that were not understood.
+    pub left_out: Vec<LeftOut>,
 }
 
 impl Scene {
@@ -68,7 +71,17 @@ impl Scene {
         }
         let SceneFile { camera, image, light, .. } = *file;
         let motion = file.motion.clone();
-        Ok(Self { name: name.to_owned(), mesh, camera, image, light, source, motion, fit: None })
+        Ok(Self {
+            name: name.to_owned(),
+            mesh,
+            camera,
+            image,
+            light,
+            source,
+            motion,
+            fit: None,
+            left_out: Vec::new(),
+        })
     }
 }
 
@@ -91,12 +104,12 @@ pub fn load_scene(arg: &str, base_dir: &Path) -> Result<Scene, SceneError> {
             parse_scene(&text, &name, path.parent().unwrap_or(base_dir))
         }
         Some("obj") => {
-            let mesh = obj::read_file(&path)?;
+            let obj::ObjFile { mesh, left_out } = obj::read_file(&path)?;
             if mesh.triangles.is_empty() {
                 return Err(SceneError::NoTriangles { mesh: arg.to_owned() });
             }
             validate_extent(&mesh, arg)?;
-            Ok(Scene { name, source: arg.to_owned(), ..fit_scene(mesh) })
+            Ok(Scene { name, source: arg.to_owned(), left_out, ..fit_scene(mesh) })
         }
         _ => Err(SceneError::Unknown { found: arg.to_owned(), known: builtin_names().join(", ") }),
     }
@@ -109,9 +122,12 @@ pub fn load_scene(arg: &str, base_dir: &Path) -> Result<Scene, SceneError> {
 pub fn parse_scene(text: &str, name: &str, mesh_dir: &Path) -> Result<Scene, SceneError> {
     let file: SceneFile = serde_json::from_str(text)?;
     validate(&file)?;
-    let mesh = match &file.mesh {
-        MeshSource::Path(path) => obj::read_file(&find_model(path, mesh_dir)?)?,
-        MeshSource::Procedural(procedural) => procedural::build(procedural)?,
+    let (mesh, left_out) = match &file.mesh {
+        MeshSource::Path(path) => {
+            let obj::ObjFile { mesh, left_out } = obj::read_file(&find_model(path, mesh_dir)?)?;
+            (mesh, left_out)
+        }
+        MeshSource::Procedural(procedural) => (procedural::build(procedural)?, Vec::new()),
     };
-    Scene::new(name, &file, mesh)
+    Ok(Scene { left_out, ..Scene::new(name, &file, mesh)? })
 }

@@ -237,7 +237,7 @@ fn models_shipped_beside_their_views_are_found_and_whole() {
 #[test]
 fn an_exported_scene_reads_back_the_same() {
     let scene = load_scene("table", Path::new(".")).expect("shipped");
-    let mut mesh = obj::read_bytes(crate::mesh_obj(&scene.mesh).as_bytes(), "table.obj").expect("sound");
+    let mut mesh = obj::read_bytes(crate::mesh_obj(&scene.mesh).as_bytes(), "table.obj").expect("sound").mesh;
     prepare(&mut mesh);
     assert_eq!((&mesh.positions, &mesh.triangles), (&scene.mesh.positions, &scene.mesh.triangles));
     let file: SceneFile = serde_json::from_str(&crate::scene_json(&scene, "table.obj")).expect("sound");
