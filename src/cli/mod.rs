@@ -16,6 +16,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use lrbsim::BadInput;
+use lrbsim_workloads::Scene;
 
 /// Exit code for a check that failed: a comparison, a validation, a verification, or a study with points that have no result.
 const CHECK_FAILED: u8 = 1;
@@ -97,6 +98,14 @@ pub(crate) fn main() -> ExitCode {
             complain(BadInput::new(format!("cannot write to standard output: {error}")))
         }
         Err(Failure::Input(error)) => complain(error),
+    }
+}
+
+/// Tells on standard error what is odd about a scene.
+fn warn(scene: &Scene) {
+    for warning in scene.warnings() {
+        // Nobody may be reading; the results are the same.
+        let _ = writeln!(io::stderr(), "warning: {warning}");
     }
 }
 

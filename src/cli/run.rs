@@ -118,6 +118,7 @@ pub(crate) fn run(args: &RunArgs, out: &mut impl Write) -> Result<(), Failure> {
     }
     let output = run_frame(&request, &bar)?;
     bar.finish();
+    super::warn(&request.scene);
 
     let paths = results::write(dir, &output, &request.scene, args.dump)?;
     if args.json {
@@ -148,6 +149,7 @@ fn run_moving(
 ) -> Result<(), Failure> {
     let output = frames::run_frames(request, count, bar)?;
     bar.finish();
+    super::warn(&request.scene);
     results::stage(&mut dir, &output.worst, &request.scene, false)?;
     frames::stage(&mut dir, &output)?;
     let paths = dir.commit().map_err(BadInput::from)?;

@@ -15,6 +15,22 @@ pub struct ObjectRange {
     pub last: u32,
 }
 
+/// Distance from `p` to the nearest point of a triangle [Ericson 2005, §5.1.5].
+pub(crate) fn distance_to_triangle(p: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
+    let (ab, ac) = (b - a, c - a);
+    let normal = ab.cross(ac);
+    let inside = [(a, b), (b, c), (c, a)].iter().all(|&(u, v)| (v - u).cross(p - u).dot(normal) >= 0.0);
+    if inside && normal != DVec3::ZERO {
+        return (p - a).dot(normal.normalize()).abs();
+    }
+    let to_edge = |u: DVec3, v: DVec3| {
+        let edge = v - u;
+        let t = ((p - u).dot(edge) / edge.length_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+        (p - u - edge * t).length()
+    };
+    to_edge(a, b).min(to_edge(b, c)).min(to_edge(c, a))
+}
+
 impl ObjectRange {
     /// Every name that these triangles go by: the object's, each group's, and the groups' as one, since many a program
     /// writes one name with blanks in it. Empty ones are left out.
@@ -131,5 +147,18 @@ impl Mesh {
             first: o.first + first_triangle,
             last: o.last + first_triangle,
         }));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_distance_to_a_triangle_is_to_its_inside_an_edge_or_a_corner() {
+        let triangle = [DVec3::ZERO, DVec3::X, DVec3::Y];
+        for (p, expected) in [([0.2, 0.2, -3.0], 3.0), ([0.5, -2.0, 0.0], 2.0), ([-3.0, -4.0, 0.0], 5.0)] {
+            assert!((distance_to_triangle(p.into(), triangle) - expected).abs() < 1e-15);
+        }
     }
 }

@@ -6,6 +6,7 @@ mod file;
 mod motion;
 pub mod search;
 mod validate;
+mod warning;
 
 #[cfg(test)]
 mod tests;
@@ -18,6 +19,7 @@ pub use file::{MeshSource, Procedural, SceneFile};
 pub use motion::{Motion, Track};
 pub use search::find_model;
 pub use validate::{validate, validate_light_size};
+pub use warning::SceneWarning;
 
 use validate::validate_extent;
 
