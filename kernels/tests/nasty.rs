@@ -4,14 +4,14 @@ mod common;
 
 use std::path::Path;
 
-use common::{On, Run, shared};
+use common::{On, Run, data};
 use lrbsim_isa::HostSimd;
 use lrbsim_workloads::{Adjacency, EyeView, ShadowInput, load_scene};
 use serde_json::Value;
 
 #[test]
 fn every_valid_nasty_mesh_gives_visibilities() {
-    let Some(folder) = shared("scenes/nasty") else { return };
+    let folder = data("nasty");
     let text = std::fs::read_to_string(folder.join("manifest.json")).expect("the manifest can be read");
     let manifest: Value = serde_json::from_str(&text).expect("the manifest is JSON");
     let (mut seen, mut empty) = (0, Vec::new());

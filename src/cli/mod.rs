@@ -18,6 +18,7 @@ use std::process::ExitCode;
 use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
 use lrbsim::BadInput;
+use lrbsim_workloads::Scene;
 
 /// Exit code for a check that failed: a comparison, a validation, a verification, or a study with points that have no result.
 const CHECK_FAILED: u8 = 1;
@@ -114,6 +115,14 @@ fn not_text() -> BadInput {
         .collect();
     BadInput::new(format!("not UTF-8 text: {}", arguments.join(", ")))
         .with_help("only names of files and folders may be anything else")
+}
+
+/// Tells on standard error what is odd about a scene.
+fn warn(scene: &Scene) {
+    for warning in scene.warnings() {
+        // Nobody may be reading; the results are the same.
+        let _ = writeln!(io::stderr(), "warning: {warning}");
+    }
 }
 
 /// Shows what is wrong, on standard error.

@@ -58,10 +58,15 @@ pub(crate) fn run(command: &SceneCommand, out: &mut impl Write) -> Result<(), Fa
                 writeln!(out, "{name:16} {}", model_summary(name)?)?;
             }
         }
-        SceneCommand::Show { scene } => show(&inputs::scene(scene)?, out)?,
+        SceneCommand::Show { scene } => {
+            let scene = inputs::scene(scene)?;
+            show(&scene, out)?;
+            super::warn(&scene);
+        }
         SceneCommand::Check { scene: name } => {
             let scene = inputs::scene(name)?;
             writeln!(out, "{}: sound: {}", name.display(), summary(&scene))?;
+            super::warn(&scene);
         }
         SceneCommand::Export { scene: name, out: dir } => {
             on_interrupt(|| ());

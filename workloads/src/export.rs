@@ -17,6 +17,9 @@ pub fn mesh_obj(mesh: &Mesh) -> String {
     }
     for object in &mesh.objects {
         writeln!(text, "o {}", object.name).expect("a String takes everything");
+        if !object.groups.is_empty() {
+            writeln!(text, "g {}", object.groups).expect("a String takes everything");
+        }
         for t in &mesh.triangles[object.first as usize..object.last as usize] {
             writeln!(text, "f {} {} {}", t[0] + 1, t[1] + 1, t[2] + 1).expect("a String takes everything");
         }

@@ -38,7 +38,9 @@ pub use fit::{FitInfo, Fitted, fit_scene, fit_view};
 pub use light::Light;
 pub use mesh::{Bounds, Mesh, ObjectRange};
 pub use preview::Preview;
-pub use scene::{MeshSource, Motion, Scene, SceneError, SceneFile, builtin_names, builtin_scene, load_scene};
+pub use scene::{
+    MeshSource, Motion, Scene, SceneError, SceneFile, SceneWarning, builtin_names, builtin_scene, load_scene,
+};
 pub use shadow_input::ShadowInput;
 
 pub use glam;

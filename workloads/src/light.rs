@@ -4,8 +4,8 @@ use glam::DVec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::fit::distance_to_triangle;
 use crate::mesh::Mesh;
+use crate::mesh::distance_to_triangle;
 
 /// An area light, in world units. A directional light is a far one.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]

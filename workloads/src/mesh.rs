@@ -2,15 +2,48 @@
 
 use glam::DVec3;
 
-/// A name and the triangles it covers: `first..last`, half open.
+/// Names and the triangles that they cover: `first..last`, half open.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ObjectRange {
-    /// Name as in the file; empty if the file gives none. Need not be unique.
+    /// Name of the object as in the file; empty if the file gives none. Need not be unique.
     pub name: String,
+    /// Names of the groups that the triangles belong to, with blanks between them, as in the file; mostly empty.
+    pub groups: String,
     /// First triangle of the object.
     pub first: u32,
     /// One past the last triangle of the object.
     pub last: u32,
+}
+
+/// Distance from `p` to the nearest point of a triangle [Ericson 2005, §5.1.5].
+pub(crate) fn distance_to_triangle(p: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
+    let (ab, ac) = (b - a, c - a);
+    let normal = ab.cross(ac);
+    let inside = [(a, b), (b, c), (c, a)].iter().all(|&(u, v)| (v - u).cross(p - u).dot(normal) >= 0.0);
+    if inside && normal != DVec3::ZERO {
+        return (p - a).dot(normal.normalize()).abs();
+    }
+    let to_edge = |u: DVec3, v: DVec3| {
+        let edge = v - u;
+        let t = ((p - u).dot(edge) / edge.length_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+        (p - u - edge * t).length()
+    };
+    to_edge(a, b).min(to_edge(b, c)).min(to_edge(c, a))
+}
+
+impl ObjectRange {
+    /// Every name that these triangles go by: the object's, each group's, and the groups' as one, since many a program
+    /// writes one name with blanks in it. Empty ones are left out.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        let whole = [self.name.as_str(), self.groups.as_str()];
+        whole.into_iter().filter(|name| !name.is_empty()).chain(self.groups.split_whitespace())
+    }
+
+    /// Whether the triangles go by `name`.
+    #[must_use]
+    pub fn is_called(&self, name: &str) -> bool {
+        self.names().any(|known| known == name)
+    }
 }
 
 /// Indexed triangles, f64, world space, any unit.
@@ -110,8 +143,22 @@ impl Mesh {
         self.triangles.extend(other.triangles.iter().map(|t| t.map(|v| v + first_vertex)));
         self.objects.extend(other.objects.iter().map(|o| ObjectRange {
             name: o.name.clone(),
+            groups: o.groups.clone(),
             first: o.first + first_triangle,
             last: o.last + first_triangle,
         }));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_distance_to_a_triangle_is_to_its_inside_an_edge_or_a_corner() {
+        let triangle = [DVec3::ZERO, DVec3::X, DVec3::Y];
+        for (p, expected) in [([0.2, 0.2, -3.0], 3.0), ([0.5, -2.0, 0.0], 2.0), ([-3.0, -4.0, 0.0], 5.0)] {
+            assert!((distance_to_triangle(p.into(), triangle) - expected).abs() < 1e-15);
+        }
     }
 }

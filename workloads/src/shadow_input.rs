@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::adjacency::{Adjacency, Counting, is_degenerate, light_inside};
+use crate::adjacency::{Adjacency, Counting, Stance, is_degenerate, stances};
 use crate::eye::EyeView;
 use crate::scene::Scene;
 
@@ -24,7 +24,7 @@ pub struct ShadowInput {
     pub light_normal: Option<[f32; 3]>,
     /// Vertex positions, light-centred and scaled.
     pub vertices: Vec<[f32; 3]>,
-    /// Corners of each triangle. Triangles that must not count (degenerate, or there twice) have one corner three
+    /// Corners of each triangle. Triangles that must not count (degenerate, there twice, or with the light on them) have one corner three
     /// times, so that every determinant is exactly 0. Closed bodies around the light run inward.
     pub triangles: Vec<[u32; 3]>,
     /// Counting rule of each triangle.
@@ -58,20 +58,21 @@ impl ShadowInput {
         let scale_log2 = exponent(largest);
         let scaled = |p: DVec3| scale_by_power(p - origin, -scale_log2).as_vec3().to_array();
 
-        let inside = light_inside(mesh, adjacency, origin);
+        let stance = stances(mesh, adjacency, origin);
         let triangles = (0..mesh.triangles.len())
             .map(|t| {
                 let [a, b, c] = mesh.triangles[t];
                 if adjacency.stands_for[t] as usize != t || is_degenerate(mesh, t) {
-                    [a; 3]
-                } else if inside[t] {
-                    [a, c, b]
-                } else {
-                    [a, b, c]
+                    return [a; 3];
+                }
+                match stance[t] {
+                    Stance::AsItRuns => [a, b, c],
+                    Stance::TurnedOver => [a, c, b],
+                    Stance::LeftOut => [a; 3],
                 }
             })
             .collect();
-        let turn = |&face: &u32| face ^ u32::from(inside[(face >> 1) as usize]);
+        let turn = |&face: &u32| stance[(face >> 1) as usize].side(face);
         let radius = scale_by_power(DVec3::splat(scene.light.disc_radius()), -scale_log2).x as f32;
 
         Self {

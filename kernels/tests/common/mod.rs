@@ -246,27 +246,22 @@ pub fn evaluate<const IN: usize, const OUT: usize, F: Lanewise<IN, OUT>>(
     results.unwrap_or_default().into_iter().map(|bits| bits.map(f32::from_bits)).collect()
 }
 
-/// A file or folder beside the repository; `None`, said aloud, where it is not.
-pub fn shared(path: &str) -> Option<PathBuf> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared").join(path);
-    if path.exists() {
-        return Some(path);
-    }
-    println!("SKIPPED: {} is not here", path.display());
-    None
+/// A file or folder of what tests read.
+pub fn data(path: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data").join(path)
 }
 
-/// One group of the oracles; `None` where they are not.
-pub fn oracles(name: &str) -> Option<Value> {
-    let text = std::fs::read_to_string(shared("reference/oracles.json")?).expect("it can be read");
+/// One group of the oracles.
+pub fn oracles(name: &str) -> Value {
+    let text = std::fs::read_to_string(data("oracles.json")).expect("the oracles can be read");
     let all: Value = serde_json::from_str(&text).expect("oracles are JSON");
     let groups = all["groups"].as_array().expect("groups");
-    Some(groups.iter().find(|group| group["name"] == name).expect("the group is there").clone())
+    groups.iter().find(|group| group["name"] == name).expect("the group is there").clone()
 }
 
 /// The cases of one group.
 pub fn cases(name: &str) -> Vec<Value> {
-    oracles(name).map_or_else(Vec::new, |group| group["cases"].as_array().expect("cases").clone())
+    oracles(name)["cases"].as_array().expect("cases").clone()
 }
 
 pub fn numbers(value: &Value) -> Vec<f64> {

@@ -1,8 +1,9 @@
 //! Which triangles meet at which edge, and how the layers of each body are counted.
 //!
-//! `weld` joins positions, `orient` makes windings consistent, `counting` classifies bodies; [`prepare`] runs the
-//! first two, once, when a scene is made.
+//! `weld` joins positions, `copies` splits faces that are there twice alike, `orient` makes windings consistent,
+//! `counting` classifies bodies; [`prepare`] runs the first three, once, when a scene is made.
 
+mod copies;
 mod counting;
 mod orient;
 mod silhouette;
@@ -13,7 +14,7 @@ mod tests;
 
 pub use counting::Counting;
 pub(crate) use silhouette::counts;
-pub use silhouette::{EdgeWeights, edge_weights, light_inside, silhouette_edges};
+pub use silhouette::{EdgeWeights, Stance, edge_weights, silhouette_edges, stances};
 
 use crate::mesh::Mesh;
 
@@ -46,29 +47,7 @@ impl Adjacency {
     #[must_use]
     pub fn new(mesh: &Mesh) -> Self {
         let stands_for = duplicates(mesh);
-        let listed = |t: usize| stands_for[t] as usize == t && !is_degenerate(mesh, t);
-
-        // All sides of all triangles, sorted by edge.
-        let mut sides: Vec<([u32; 2], u32)> = Vec::with_capacity(mesh.triangles.len() * 3);
-        for (index, t) in mesh.triangles.iter().enumerate().filter(|(i, _)| listed(*i)) {
-            for k in 0..3 {
-                let (a, b) = (t[k], t[(k + 1) % 3]);
-                sides.push(([a.min(b), a.max(b)], (index as u32) << 1 | u32::from(a > b)));
-            }
-        }
-        sides.sort_unstable();
-        let mut edges = Vec::new();
-        let mut edge_first = Vec::new();
-        let mut edge_faces = Vec::with_capacity(sides.len());
-        for (edge, face) in sides {
-            if edges.last() != Some(&edge) {
-                edges.push(edge);
-                edge_first.push(edge_faces.len() as u32);
-            }
-            edge_faces.push(face);
-        }
-        edge_first.push(edge_faces.len() as u32);
-
+        let EdgeRows { edges, edge_first, edge_faces } = EdgeRows::new(mesh, &stands_for);
         let mut adjacency =
             Self { edges, edge_first, edge_faces, counting: Vec::new(), component: Vec::new(), stands_for };
         let orientation = orient::orientation(mesh, &adjacency);
@@ -84,11 +63,50 @@ impl Adjacency {
     }
 }
 
+/// The edges of an [`Adjacency`], before bodies are told apart.
+struct EdgeRows {
+    edges: Vec<[u32; 2]>,
+    edge_first: Vec<u32>,
+    edge_faces: Vec<u32>,
+}
+
+impl EdgeRows {
+    fn new(mesh: &Mesh, stands_for: &[u32]) -> Self {
+        let listed = |t: usize| stands_for[t] as usize == t && !is_degenerate(mesh, t);
+        // All sides of all triangles, sorted by edge.
+        let mut sides: Vec<([u32; 2], u32)> = Vec::with_capacity(mesh.triangles.len() * 3);
+        for (index, t) in mesh.triangles.iter().enumerate().filter(|(i, _)| listed(*i)) {
+            for k in 0..3 {
+                let (a, b) = (t[k], t[(k + 1) % 3]);
+                sides.push(([a.min(b), a.max(b)], (index as u32) << 1 | u32::from(a > b)));
+            }
+        }
+        sides.sort_unstable();
+        let mut rows =
+            Self { edges: vec![], edge_first: vec![], edge_faces: Vec::with_capacity(sides.len()) };
+        for (edge, face) in sides {
+            if rows.edges.last() != Some(&edge) {
+                rows.edges.push(edge);
+                rows.edge_first.push(rows.edge_faces.len() as u32);
+            }
+            rows.edge_faces.push(face);
+        }
+        rows.edge_first.push(rows.edge_faces.len() as u32);
+        rows
+    }
+
+    fn faces(&self, edge: usize) -> &[u32] {
+        &self.edge_faces[self.edge_first[edge] as usize..self.edge_first[edge + 1] as usize]
+    }
+}
+
 /// Welds and orients `mesh` and orders its vertices by first use. Doing it twice changes nothing more.
 ///
-/// The number and order of triangles stay; windings may be turned over.
+/// The number and order of triangles stay; windings may be turned over, and a flat face that is there twice is split the
+/// second time as it is the first.
 pub fn prepare(mesh: &mut Mesh) {
     weld::weld(mesh);
+    copies::split_alike(mesh);
     orient::orient(mesh);
     weld::order_by_first_use(mesh);
 }

@@ -80,5 +80,10 @@ pub fn add_floor(mesh: &mut Mesh) {
     mesh.positions.extend([corner(-1.0, -1.0), corner(-1.0, 1.0), corner(1.0, 1.0), corner(1.0, -1.0)]);
     let triangles = mesh.triangles.len() as u32;
     mesh.triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
-    mesh.objects.push(ObjectRange { name: "floor".to_owned(), first: triangles, last: triangles + 2 });
+    mesh.objects.push(ObjectRange {
+        name: "floor".to_owned(),
+        groups: String::new(),
+        first: triangles,
+        last: triangles + 2,
+    });
 }

@@ -7,6 +7,7 @@ use super::{FitInfo, Fitted, IMAGE, LIGHT_RADIUS, Subject, directions};
 use crate::adjacency::Counting;
 use crate::camera::Camera;
 use crate::light::Light;
+use crate::mesh::distance_to_triangle;
 
 const FOV_Y_DEGREES: f64 = 60.0;
 /// Eye height as a part of the room's height.
@@ -187,20 +188,4 @@ fn light(subject: &Subject, camera: &Camera) -> Option<Light> {
 /// The value with the highest score; the first of equals.
 fn best<T>(scored: Vec<(f64, T)>) -> Option<T> {
     scored.into_iter().reduce(|a, b| if b.0 > a.0 { b } else { a }).map(|(_, value)| value)
-}
-
-/// Distance from `p` to the nearest point of a triangle [Ericson 2005, §5.1.5].
-pub(crate) fn distance_to_triangle(p: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
-    let (ab, ac) = (b - a, c - a);
-    let normal = ab.cross(ac);
-    let inside = [(a, b), (b, c), (c, a)].iter().all(|&(u, v)| (v - u).cross(p - u).dot(normal) >= 0.0);
-    if inside && normal != DVec3::ZERO {
-        return (p - a).dot(normal.normalize()).abs();
-    }
-    let to_edge = |u: DVec3, v: DVec3| {
-        let edge = v - u;
-        let t = ((p - u).dot(edge) / edge.length_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
-        (p - u - edge * t).length()
-    };
-    to_edge(a, b).min(to_edge(b, c)).min(to_edge(c, a))
 }

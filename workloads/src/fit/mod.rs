@@ -8,8 +8,6 @@ mod tests;
 
 use core::f64::consts::TAU;
 
-pub(crate) use interior::distance_to_triangle;
-
 use glam::DVec3;
 
 use crate::adjacency::{Adjacency, prepare};
@@ -97,6 +95,7 @@ pub fn fit_scene(mut mesh: Mesh) -> Scene {
         source: String::new(),
         motion: None,
         fit: Some(fitted.info),
+        left_out: Vec::new(),
     }
 }
 

@@ -1,8 +1,5 @@
 use std::path::Path;
 
-use glam::DVec3;
-
-use super::interior::distance_to_triangle;
 use super::*;
 use crate::procedural;
 use crate::scene::{Procedural, load_scene};
@@ -34,14 +31,6 @@ fn a_body_alone_gets_a_floor_and_a_scene_with_a_ground_does_not() {
     assert!(scene.fit.expect("fitted").floor_added);
     assert_eq!(scene.mesh.triangles.len(), 14);
     assert!(!fit_scene(generated("table")).fit.expect("fitted").floor_added);
-}
-
-#[test]
-fn the_distance_to_a_triangle_is_to_its_inside_an_edge_or_a_corner() {
-    let triangle = [DVec3::ZERO, DVec3::X, DVec3::Y];
-    for (p, expected) in [([0.2, 0.2, -3.0], 3.0), ([0.5, -2.0, 0.0], 2.0), ([-3.0, -4.0, 0.0], 5.0)] {
-        assert!((distance_to_triangle(p.into(), triangle) - expected).abs() < 1e-15);
-    }
 }
 
 #[test]

@@ -59,11 +59,31 @@ pub enum ObjError {
     },
 }
 
+/// What an OBJ file holds.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct ObjFile {
+    /// The triangles, as the file has them.
+    pub mesh: Mesh,
+    /// Statements that were not understood, a kind each, in the order of the file.
+    pub left_out: Vec<LeftOut>,
+}
+
+/// Lines that begin with a word that is no statement known here, or one that makes surfaces which are not drawn.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct LeftOut {
+    /// The word.
+    pub keyword: String,
+    /// The first of the lines, from 1.
+    pub first_line: usize,
+    /// How many there are.
+    pub lines: usize,
+}
+
 /// Reads the OBJ file at `path`. A file without faces gives a mesh without triangles.
 ///
 /// # Errors
 /// If the file cannot be read or is not sound.
-pub fn read_file(path: &Path) -> Result<Mesh, ObjError> {
+pub fn read_file(path: &Path) -> Result<ObjFile, ObjError> {
     let shown = path.display().to_string();
     match std::fs::read(path) {
         Ok(bytes) => read_bytes(&bytes, &shown),
@@ -75,9 +95,8 @@ pub fn read_file(path: &Path) -> Result<Mesh, ObjError> {
 ///
 /// # Errors
 /// If the text is not sound.
-pub fn read_bytes(bytes: &[u8], path: &str) -> Result<Mesh, ObjError> {
-    let text = clean::decode(bytes).map_err(|fault| fault.at(path))?;
-    let cleaned = clean::clean(text).map_err(|fault| fault.at(path))?;
+pub fn read_bytes(bytes: &[u8], path: &str) -> Result<ObjFile, ObjError> {
+    let cleaned = clean::clean(bytes).map_err(|fault| fault.at(path))?;
     let options = tobj::LoadOptions { ignore_points: true, ignore_lines: true, ..Default::default() };
     let no_materials = |_: &Path| Err(tobj::LoadError::GenericFailure);
     let (models, _) = tobj::load_obj_buf(&mut cleaned.text.as_bytes(), &options, no_materials)
@@ -87,10 +106,12 @@ pub fn read_bytes(bytes: &[u8], path: &str) -> Result<Mesh, ObjError> {
     for model in models {
         let first = mesh.triangles.len();
         append_model(&mut mesh, &model.mesh);
-        // The cleaner numbers objects, because tobj trims names.
-        let name = model.name.parse::<usize>().ok().and_then(|k| cleaned.names.get(k));
+        // The cleaner numbers objects, because tobj trims names and lets a group replace its object.
+        let section = model.name.parse::<usize>().ok().and_then(|k| cleaned.sections.get(k));
+        let section = section.cloned().unwrap_or_default();
         mesh.objects.push(ObjectRange {
-            name: name.cloned().unwrap_or_default(),
+            name: section.object,
+            groups: section.groups,
             first: first as u32,
             last: mesh.triangles.len() as u32,
         });
@@ -100,7 +121,7 @@ pub fn read_bytes(bytes: &[u8], path: &str) -> Result<Mesh, ObjError> {
             return Err(ObjError::TooLarge { path: path.to_owned(), count, what });
         }
     }
-    Ok(mesh)
+    Ok(ObjFile { mesh, left_out: cleaned.left_out })
 }
 
 fn append_model(mesh: &mut Mesh, model: &tobj::Mesh) {

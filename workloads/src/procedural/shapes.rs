@@ -71,7 +71,7 @@ impl Builder {
         self.place = outer;
         // Only the outermost object is named: ranges do not nest.
         self.mesh.objects.retain(|o| o.last <= first);
-        self.mesh.objects.push(ObjectRange { name: name.to_owned(), first, last });
+        self.mesh.objects.push(ObjectRange { name: name.to_owned(), groups: String::new(), first, last });
     }
 
     /// Sides of a round part that has `sides` at detail 1.

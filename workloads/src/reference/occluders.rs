@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::hard::{greatest_t, hard_test, is_left};
 use super::segment::area_beyond;
-use crate::adjacency::{Adjacency, Counting, EdgeWeights, counts};
+use crate::adjacency::{Adjacency, Counting, EdgeWeights, Stance, counts, stances};
 use crate::eye::EyeView;
 use crate::light::Light;
 use crate::mesh::Mesh;
@@ -113,21 +113,22 @@ impl Occluders {
     #[must_use]
     pub fn from_mesh(mesh: &Mesh, adjacency: &Adjacency, light: &Light) -> Self {
         let center = light.center();
-        let inside = crate::adjacency::light_inside(mesh, adjacency, center);
+        let stance = stances(mesh, adjacency, center);
         let triangles: Vec<[u32; 3]> = (0..mesh.triangles.len())
             .map(|t| {
                 let [a, b, c] = mesh.triangles[t];
                 if adjacency.component[t] == crate::adjacency::NO_COMPONENT {
-                    [a; 3]
-                } else if inside[t] {
-                    [a, c, b]
-                } else {
-                    [a, b, c]
+                    return [a; 3];
+                }
+                match stance[t] {
+                    Stance::AsItRuns => [a, b, c],
+                    Stance::TurnedOver => [a, c, b],
+                    Stance::LeftOut => [a; 3],
                 }
             })
             .collect();
         let turned: Vec<u32> =
-            adjacency.edge_faces.iter().map(|f| f ^ u32::from(inside[(f >> 1) as usize])).collect();
+            adjacency.edge_faces.iter().map(|&face| stance[(face >> 1) as usize].side(face)).collect();
         let row = |e: usize| &turned[adjacency.edge_first[e] as usize..adjacency.edge_first[e + 1] as usize];
         let rows: Vec<&[u32]> = (0..adjacency.edges.len()).map(row).collect();
         let vertices = mesh.positions.iter().map(|&p| p - center).collect();

@@ -6,6 +6,7 @@ mod file;
 mod motion;
 pub mod search;
 mod validate;
+mod warning;
 
 #[cfg(test)]
 mod tests;
@@ -18,6 +19,7 @@ pub use file::{MeshSource, Procedural, SceneFile};
 pub use motion::{Motion, Track};
 pub use search::{find_bare_model, find_model};
 pub use validate::{validate, validate_light_size};
+pub use warning::SceneWarning;
 
 use validate::validate_extent;
 
@@ -26,6 +28,7 @@ use crate::camera::{Camera, ImageSize};
 use crate::fit::{FitInfo, fit_scene};
 use crate::light::Light;
 use crate::mesh::Mesh;
+use crate::obj::LeftOut;
 use crate::{obj, procedural};
 
 /// A scene that can be rendered: valid, mesh prepared ([`prepare`]) and with at least one triangle.
@@ -47,6 +50,8 @@ pub struct Scene {
     pub motion: Option<Motion>,
     /// What was fitted, if the scene is a bare OBJ file.
     pub fit: Option<FitInfo>,
+    /// Statements of the OBJ file that were not understood.
+    pub left_out: Vec<LeftOut>,
 }
 
 impl Scene {
@@ -68,7 +73,17 @@ impl Scene {
         }
         let SceneFile { camera, image, light, .. } = *file;
         let motion = file.motion.clone();
-        Ok(Self { name: name.to_owned(), mesh, camera, image, light, source, motion, fit: None })
+        Ok(Self {
+            name: name.to_owned(),
+            mesh,
+            camera,
+            image,
+            light,
+            source,
+            motion,
+            fit: None,
+            left_out: Vec::new(),
+        })
     }
 }
 
@@ -93,12 +108,12 @@ pub fn load_scene(arg: impl AsRef<Path>, base_dir: &Path) -> Result<Scene, Scene
             parse_scene(&text, &name, path.parent().unwrap_or(base_dir))
         }
         Some("obj") => {
-            let mesh = obj::read_file(&find_bare_model(arg, base_dir))?;
+            let obj::ObjFile { mesh, left_out } = obj::read_file(&find_bare_model(arg, base_dir))?;
             if mesh.triangles.is_empty() {
                 return Err(SceneError::NoTriangles { mesh: shown });
             }
             validate_extent(&mesh, &shown)?;
-            Ok(Scene { name, source: shown, ..fit_scene(mesh) })
+            Ok(Scene { name, source: shown, left_out, ..fit_scene(mesh) })
         }
         _ => Err(SceneError::Unknown { found: shown, known: builtin_names().join(", ") }),
     }
@@ -112,9 +127,12 @@ pub fn parse_scene(text: &str, name: &str, mesh_dir: &Path) -> Result<Scene, Sce
     // Some editors put a byte order mark first.
     let file: SceneFile = serde_json::from_str(text.trim_start_matches('\u{feff}'))?;
     validate(&file)?;
-    let mesh = match &file.mesh {
-        MeshSource::Path(path) => obj::read_file(&find_model(path, mesh_dir)?)?,
-        MeshSource::Procedural(procedural) => procedural::build(procedural)?,
+    let (mesh, left_out) = match &file.mesh {
+        MeshSource::Path(path) => {
+            let obj::ObjFile { mesh, left_out } = obj::read_file(&find_model(path, mesh_dir)?)?;
+            (mesh, left_out)
+        }
+        MeshSource::Procedural(procedural) => (procedural::build(procedural)?, Vec::new()),
     };
-    Scene::new(name, &file, mesh)
+    Ok(Scene { left_out, ..Scene::new(name, &file, mesh)? })
 }

@@ -25,7 +25,7 @@ pub struct Motion {
     /// The point that the camera looks at.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub target: Option<Track>,
-    /// Objects of the mesh by their name; all objects of a name move as one.
+    /// Objects and groups of the mesh by their name; all that go by a name move as one.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub objects: BTreeMap<String, Track>,
 }
@@ -140,19 +140,19 @@ impl Motion {
         Ok(())
     }
 
-    /// Checks that every object that moves is in the mesh.
+    /// Checks that every object or group that moves is in the mesh.
     ///
     /// # Errors
     /// [`SceneError::Value`] for the first that is not, with the names that are.
     pub fn check_objects(&self, mesh: &Mesh) -> Result<(), SceneError> {
-        let known = |name: &str| mesh.objects.iter().any(|object| object.name == name);
+        let known = |name: &str| mesh.objects.iter().any(|object| object.is_called(name));
         let Some(name) = self.objects.keys().find(|name| !known(name)) else { return Ok(()) };
-        let mut names: Vec<&str> = mesh.objects.iter().map(|object| object.name.as_str()).collect();
+        let mut names: Vec<&str> = mesh.objects.iter().flat_map(|object| object.names()).collect();
         names.sort_unstable();
         names.dedup();
         Err(SceneError::Value {
             at: format!("motion.objects.{name}"),
-            found: "no object of this name".to_owned(),
+            found: "no object or group of this name".to_owned(),
             expected: format!("one of: {}", names.join(", ")),
         })
     }
@@ -204,10 +204,10 @@ fn moved(light: Light, way: &Move) -> Light {
     }
 }
 
-/// Moves all objects called `name`. Vertices that they share with others are their own from here on.
+/// Moves all objects and groups called `name`. Vertices that they share with others are their own from here on.
 fn move_objects(mesh: &mut Mesh, name: &str, way: &Move) {
     let mut copies: BTreeMap<u32, u32> = BTreeMap::new();
-    let ranges: Vec<_> = mesh.objects.iter().filter(|object| object.name == name).cloned().collect();
+    let ranges: Vec<_> = mesh.objects.iter().filter(|object| object.is_called(name)).cloned().collect();
     for range in ranges {
         for triangle in range.first..range.last {
             for corner in 0..3 {

@@ -16,6 +16,26 @@ fn shipped_scenes_load_and_their_bodies_are_closed() {
 }
 
 #[test]
+fn nothing_is_odd_about_shipped_scenes() {
+    for name in builtin_names() {
+        assert_eq!(load_scene(name, Path::new(".")).expect(name).warnings(), [], "{name}");
+    }
+}
+
+#[test]
+fn a_light_that_touches_something_is_warned_of() {
+    let mut scene = load_scene("tiny", Path::new(".")).expect("shipped");
+    let top = scene.mesh.positions.iter().copied().reduce(|a, b| if b.y > a.y { b } else { a });
+    let center = top.expect("a mesh has vertices") + DVec3::new(0.0, 0.01, 0.0);
+    for (radius, warned) in [(0.5, true), (0.011, true), (0.005, false)] {
+        scene.light = Light::Sphere { center, radius };
+        let found = scene.warnings();
+        let touches = |warning: &SceneWarning| matches!(warning, SceneWarning::LightTouches { .. });
+        assert_eq!(found.iter().any(touches), warned, "{radius}: {found:?}");
+    }
+}
+
+#[test]
 fn the_small_saloon_is_as_large_as_promised() {
     let scene = load_scene("saloon-small", Path::new(".")).expect("shipped");
     let adjacency = Adjacency::new(&scene.mesh);
@@ -237,7 +257,7 @@ fn models_shipped_beside_their_views_are_found_and_whole() {
 #[test]
 fn an_exported_scene_reads_back_the_same() {
     let scene = load_scene("table", Path::new(".")).expect("shipped");
-    let mut mesh = obj::read_bytes(crate::mesh_obj(&scene.mesh).as_bytes(), "table.obj").expect("sound");
+    let mut mesh = obj::read_bytes(crate::mesh_obj(&scene.mesh).as_bytes(), "table.obj").expect("sound").mesh;
     prepare(&mut mesh);
     assert_eq!((&mesh.positions, &mesh.triangles), (&scene.mesh.positions, &scene.mesh.triangles));
     let file: SceneFile = serde_json::from_str(&crate::scene_json(&scene, "table.obj")).expect("sound");
