@@ -10,7 +10,7 @@ use lrbsim_reports::run::{
     ImageSummary, Provenance, RunReport, SCHEMA_VERSION, SceneSummary, Total, Warning, WarningKind,
 };
 use lrbsim_reports::{HostReport, picture::NOTHING_HIT};
-use lrbsim_workloads::{Adjacency, EyeView, Scene, ShadowInput, silhouette_edges};
+use lrbsim_workloads::{Adjacency, EyeView, Scene, SceneWarning, ShadowInput, silhouette_edges};
 
 use crate::algorithm::Algorithm;
 use crate::engine::Engine;
@@ -259,22 +259,23 @@ fn report(request: &RunRequest, eye: &EyeView, simulated: &Simulated, frame: &Fr
 
 /// What makes the result of a frame suspicious.
 fn warnings(scene: &Scene, eye: &EyeView) -> Vec<Warning> {
-    let warning = |kind, message: &str| Warning { kind, message: message.to_owned() };
     let mut warnings = Vec::new();
     if eye.points.is_empty() {
-        warnings.push(warning(
-            WarningKind::NothingSeen,
-            "the camera sees no surface, so that nothing is shadowed: turn `camera.target` to the model; \
-             `lrbsim scene show` shows the view",
-        ));
+        warnings.push(Warning {
+            kind: WarningKind::NothingSeen,
+            message:
+                "the camera sees no surface, so that nothing is shadowed: turn `camera.target` to the model; \
+                      `lrbsim scene show` shows the view"
+                    .to_owned(),
+        });
     }
-    if scene.light.touches(&scene.mesh) {
-        warnings.push(warning(
-            WarningKind::LightInGeometry,
-            "the light reaches into the geometry, and what is inside it has no shadow that means anything: make it \
-             smaller or move it",
-        ));
-    }
+    warnings.extend(scene.warnings().iter().map(|warning| Warning {
+        kind: match warning {
+            SceneWarning::LeftOut { .. } => WarningKind::LinesLeftOut,
+            SceneWarning::LightTouches { .. } => WarningKind::LightInGeometry,
+        },
+        message: warning.to_string(),
+    }));
     warnings
 }
 

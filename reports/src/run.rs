@@ -60,6 +60,8 @@ pub enum WarningKind {
     NothingSeen,
     /// The light reaches into the geometry.
     LightInGeometry,
+    /// The model has lines that were not understood.
+    LinesLeftOut,
 }
 
 /// What determined the numbers of a report.

@@ -125,7 +125,6 @@ pub(crate) fn run(args: &RunArgs, out: &mut impl Write) -> Result<(), Failure> {
     }
     let output = run_frame(&request, &bar)?;
     bar.finish();
-    super::warn(&request.scene);
 
     let replaced = replaced_run(&target, &output.report);
     let paths = results::write(dir, &output, &request.scene, args.dump)?;
@@ -180,7 +179,9 @@ fn run_moving(
 ) -> Result<(), Failure> {
     let output = frames::run_frames(request, count, bar)?;
     bar.finish();
-    super::warn(&request.scene);
+    if !json {
+        super::warn(&request.scene);
+    }
     results::stage(&mut dir, &output.worst, &request.scene, false)?;
     frames::stage(&mut dir, &output)?;
     let replaced = replaced_run(target, &output.worst.report);

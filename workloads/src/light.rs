@@ -4,7 +4,6 @@ use glam::DVec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::mesh::Mesh;
 use crate::mesh::distance_to_triangle;
 
 /// An area light, in world units. A directional light is a far one.
@@ -100,20 +99,18 @@ impl Light {
         }
     }
 
-    /// Whether a triangle of `mesh` reaches into the light: into the ball that a sphere's disc turns in, or through a disc.
+    /// How near a triangle comes to the middle of the light where it could cut it, world units: anywhere for a sphere, whose disc
+    /// turns, and in its own plane for a disc, infinite if it does not meet that. Nearer than [`Light::disc_radius`], it cuts it.
     ///
     /// # Panics
     /// As [`Light::disc_radius`].
     #[must_use]
-    pub fn touches(&self, mesh: &Mesh) -> bool {
-        let (center, radius) = (self.center(), self.disc_radius());
-        let mut triangles = (0..mesh.triangles.len()).map(|triangle| mesh.corners(triangle));
+    pub fn distance_to(&self, corners: [DVec3; 3]) -> f64 {
+        let center = self.center();
         match self.disc_normal() {
-            None => triangles.any(|corners| distance_to_triangle(center, corners) < radius),
-            Some(normal) => triangles.any(|corners| {
-                let cut = cut_by_plane(corners, center, normal);
-                cut.is_some_and(|[a, b]| distance_to_triangle(center, [a, b, b]) < radius)
-            }),
+            None => distance_to_triangle(center, corners),
+            Some(normal) => cut_by_plane(corners, center, normal)
+                .map_or(f64::INFINITY, |[a, b]| distance_to_triangle(center, [a, b, b])),
         }
     }
 
@@ -146,23 +143,18 @@ mod tests {
 
     #[test]
     fn a_light_touches_what_reaches_into_it() {
-        let mesh = |height: f64| Mesh {
-            positions: vec![
-                DVec3::new(-4.0, height, -4.0),
-                DVec3::new(4.0, height, -4.0),
-                DVec3::new(0.0, height, 5.0),
-            ],
-            triangles: vec![[0, 1, 2]],
-            ..Mesh::default()
+        let triangle = |height| {
+            [DVec3::new(-4.0, height, -4.0), DVec3::new(4.0, height, -4.0), DVec3::new(0.0, height, 5.0)]
         };
+        let touches = |light: Light, height| light.distance_to(triangle(height)) < light.disc_radius();
         let center = DVec3::Y;
         let sphere = Light::Sphere { center, radius: 0.5 };
-        assert!(sphere.touches(&mesh(0.6)) && !sphere.touches(&mesh(0.4)));
-        assert!(!Light::Point { center }.touches(&mesh(1.0)));
+        assert!(touches(sphere, 0.6) && !touches(sphere, 0.4));
+        assert!(!touches(Light::Point { center }, 1.0));
         // A lamp set into a ceiling is not cut by it.
         let lamp = Light::Disc { center, normal: DVec3::NEG_Y, radius: 0.5 };
-        assert!(!lamp.touches(&mesh(1.001)) && !lamp.touches(&mesh(1.0)));
+        assert!(!touches(lamp, 1.001) && !touches(lamp, 1.0));
         let upright = Light::Disc { center, normal: DVec3::X, radius: 0.5 };
-        assert!(upright.touches(&mesh(1.4)) && !upright.touches(&mesh(1.6)));
+        assert!(touches(upright, 1.4) && !touches(upright, 1.6));
     }
 }

@@ -1,10 +1,10 @@
 //! What is sound but hardly meant.
 
 use core::fmt;
+use std::path::Path;
 
 use super::Scene;
 use crate::light::Light;
-use crate::mesh::distance_to_triangle;
 use crate::obj::LeftOut;
 
 /// Something about a scene that its maker should know.
@@ -57,23 +57,23 @@ impl Scene {
     /// something. Looks at every triangle.
     #[must_use]
     pub fn warnings(&self) -> Vec<SceneWarning> {
+        // Its name alone: where a file lies does not belong in results.
+        let file =
+            Path::new(&self.source).file_name().map_or_else(String::new, |name| name.display().to_string());
         let left_out = self
             .left_out
             .iter()
-            .map(|lines| SceneWarning::LeftOut { file: self.source.clone(), lines: lines.clone() });
+            .map(|lines| SceneWarning::LeftOut { file: file.clone(), lines: lines.clone() });
         left_out.chain(self.touched()).collect()
     }
 
     /// The triangle that is nearest to a light that reaches it.
     fn touched(&self) -> Option<SceneWarning> {
-        let (center, radius) = match self.light {
-            Light::Sphere { center, radius } => (center, radius),
-            Light::Point { center } => (center, 0.0),
-            // A flat light may lie close before a wall.
-            Light::Disc { .. } | Light::Rect { .. } | Light::Linear { .. } => return None,
-        };
-        let distances =
-            (0..self.mesh.triangles.len()).map(|t| distance_to_triangle(center, self.mesh.corners(t)));
+        if matches!(self.light, Light::Rect { .. } | Light::Linear { .. }) {
+            return None;
+        }
+        let radius = self.light.disc_radius();
+        let distances = (0..self.mesh.triangles.len()).map(|t| self.light.distance_to(self.mesh.corners(t)));
         let (triangle, distance) = distances.enumerate().min_by(|a, b| a.1.total_cmp(&b.1))?;
         if distance > radius {
             return None;
