@@ -43,11 +43,16 @@ fn sections_that_machine_files_cite_are_in_the_page() {
         for (at, _) in text.match_indices("machine.md") {
             assert!(text[..at].ends_with("docs/"), "{}: which machine.md?", path.display());
             let rest = text[at..].strip_prefix("machine.md ").unwrap_or_default();
-            let Some(word) = rest.split_whitespace().next().filter(|word| word.starts_with(|c: char| c.is_ascii_digit()))
+            let Some(word) =
+                rest.split_whitespace().next().filter(|word| word.starts_with(|c: char| c.is_ascii_digit()))
             else {
                 continue; // the whole page
             };
-            assert!(sections.contains(&number(word)), "{}: docs/machine.md has no section {word}", path.display());
+            assert!(
+                sections.contains(&number(word)),
+                "{}: docs/machine.md has no section {word}",
+                path.display()
+            );
             cited += 1;
         }
     }
@@ -65,7 +70,8 @@ fn sections_that_comments_cite_are_in_the_page() {
                 // Up to the next key or the end of the citation.
                 let rest = &text[at + found.len()..];
                 let place = &rest[..rest.find([']', ';']).expect("a citation ends")];
-                for word in place.split([',', ' ']).filter(|word| word.contains(|c: char| c.is_ascii_digit())) {
+                for word in place.split([',', ' ']).filter(|word| word.contains(|c: char| c.is_ascii_digit()))
+                {
                     assert!(
                         sections.contains(&number(word)),
                         "{}: docs/algorithms.md has no section {word}",
