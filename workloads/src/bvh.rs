@@ -159,6 +159,16 @@ impl Bvh {
         found
     }
 
+    /// Boxes and triangles that a ray through the scene is tested with, on average over all lines that meet it.
+    #[must_use]
+    pub fn expected_tests(&self) -> f64 {
+        let whole = self.nodes.first().map_or(0.0, |root| half_area(&root.bounds));
+        if whole == 0.0 {
+            return self.corners.len() as f64;
+        }
+        self.nodes.iter().map(|node| half_area(&node.bounds) / whole * f64::from(node.count + 1)).sum()
+    }
+
     /// Whether any triangle comes nearer to `center` than `distance`.
     #[must_use]
     pub fn any_within(&self, center: DVec3, distance: f64) -> bool {

@@ -15,6 +15,10 @@ const LOOK_COLUMNS: u32 = 48;
 const LOOK_RAYS: u32 = 8;
 /// How many views get the closer look.
 const LOOKS: usize = 12;
+/// A closer look costs as many rays as so many glances.
+const GLANCES_A_LOOK: usize = 32;
+/// Tests that all glances may take together, a ray each: meshes whose triangles all lie over one another get fewer of them.
+const TESTS_MAX: f64 = 5e5;
 
 /// A camera and a light.
 #[derive(Debug, Clone, Copy)]
@@ -160,18 +164,20 @@ impl Subject<'_> {
 
 /// The view that shows most: all are glanced at, the best are looked at. The first of equals.
 pub fn best(subject: &Subject, views: &[(Camera, Vec<(Light, f64)>)]) -> Option<(View, Shown)> {
+    let affordable = (TESTS_MAX / subject.bvh.expected_tests()) as usize;
+    let lights_each = (affordable / views.len().max(1)).max(1);
     let mut glances: Vec<(f64, View)> = views
         .par_iter()
         .flat_map_iter(|(camera, lights)| {
             let picture = Picture::new(subject, camera, GLANCE_COLUMNS);
-            lights.iter().map(move |&(light, bonus)| {
+            lights.iter().take(lights_each).map(move |&(light, bonus)| {
                 let score = picture.shown(subject, &light, 1).score() + bonus;
                 (score, View { camera: *camera, light, bonus })
             })
         })
         .collect();
     glances.sort_by(|a, b| b.0.total_cmp(&a.0));
-    glances.truncate(LOOKS);
+    glances.truncate((affordable / GLANCES_A_LOOK).clamp(1, LOOKS));
     let looks: Vec<(f64, View, Shown)> = glances
         .into_par_iter()
         .map(|(_, view)| {
