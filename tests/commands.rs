@@ -111,6 +111,54 @@ fn names_of_files_need_not_be_text() {
     assert!(message.contains("not UTF-8 text: `8x\u{fffd}`"), "{message}");
 }
 
+/// A ground, and a triangle above it.
+const MODEL: &str =
+    "v -2 0 -2\nv 2 0 -2\nv 2 0 2\nv -2 0 2\nf 4 3 2 1\nv 0 1 0\nv 1 1 0\nv 0 1 1\ng above\nf 5 6 7\n";
+
+#[test]
+fn what_is_left_out_of_a_model_is_told() {
+    let folder = Folder::new();
+    folder.write("model.obj", &format!("{MODEL}F 5 6 7\nF 1 2 3\n"));
+    let told = "warning: model.obj:11: 2 lines with `F` left out";
+    for args in [
+        &["scene", "check", "model.obj"][..],
+        &["run", "model.obj", "--size", "8x8", "--fidelity", "functional"],
+        &["run", "model.obj", "--size", "8x8", "--fidelity", "functional", "--json"],
+    ] {
+        let done = folder.run(args);
+        assert_eq!(done.code(), Some(0), "{}", done.stderr());
+        assert!(done.stderr().starts_with(told) && done.stderr().lines().count() == 1, "{}", done.stderr());
+        assert!(!done.stdout().contains("warning"), "{}", done.stdout());
+    }
+    folder.write("model.obj", MODEL);
+    assert!(folder.run(&["scene", "check", "model.obj"]).ok().stdout().contains("sound: 3 triangles"));
+}
+
+#[test]
+fn a_light_that_touches_something_is_told_with_the_radius_that_counts() {
+    let folder = Folder::new();
+    let run = ["run", "tiny", "--fidelity", "functional", "--light-radius"];
+    folder.run(&[&run[..], &["0.05"]].concat()).ok();
+    let done = folder.run(&[&run[..], &["3"]].concat());
+    assert_eq!(done.code(), Some(0), "{}", done.stderr());
+    assert!(done.stderr().starts_with("warning: the light touches a triangle of `"), "{}", done.stderr());
+}
+
+#[test]
+fn an_object_moves_by_its_own_name_though_a_group_follows_it() {
+    let folder = Folder::new();
+    folder.write("model.obj", &MODEL.replace("g above", "o Lamp\ng legs"));
+    let scene = lrbsim_workloads::builtin_scene("tiny").expect("shipped");
+    let end = scene.rfind('}').expect("an object");
+    let scene = scene[..end].replace(r#"{"procedural": "tiny"}"#, r#""model.obj""#);
+    for name in ["Lamp", "legs"] {
+        let motion =
+            format!(r#", "motion": {{"objects": {{"{name}": {{"path": [[0, 0, 0], [1, 0, 0]]}}}}}}}}"#);
+        folder.write("scene.json", &format!("{scene}{motion}"));
+        folder.run(&["run", "scene.json", "--time", "1", "--fidelity", "functional"]).ok();
+    }
+}
+
 #[test]
 fn a_run_keeps_files_that_it_does_not_write() {
     let folder = Folder::new();

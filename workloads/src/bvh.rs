@@ -5,7 +5,7 @@
 
 use glam::DVec3;
 
-use crate::mesh::{Bounds, Mesh};
+use crate::mesh::{Bounds, Mesh, distance_to_triangle};
 
 /// Leaves hold at most this many triangles, unless they cannot be split.
 const LEAF_TRIANGLES: usize = 4;
@@ -157,6 +157,36 @@ impl Bvh {
             (!found).then_some(limit)
         });
         found
+    }
+
+    /// Boxes and triangles that a ray through the scene is tested with, on average over all lines that meet it.
+    #[must_use]
+    pub fn expected_tests(&self) -> f64 {
+        let whole = self.nodes.first().map_or(0.0, |root| half_area(&root.bounds));
+        if whole == 0.0 {
+            return self.corners.len() as f64;
+        }
+        self.nodes.iter().map(|node| half_area(&node.bounds) / whole * f64::from(node.count + 1)).sum()
+    }
+
+    /// Whether any triangle comes nearer to `center` than `distance`.
+    #[must_use]
+    pub fn any_within(&self, center: DVec3, distance: f64) -> bool {
+        let mut stack = vec![0_u32; self.nodes.len().min(1)];
+        while let Some(index) = stack.pop() {
+            let node = &self.nodes[index as usize];
+            let outside = (node.bounds.min - center).max(center - node.bounds.max).max(DVec3::ZERO);
+            if outside.max_element() >= distance {
+                continue;
+            }
+            let leaf = node.first as usize..(node.first + node.count) as usize;
+            if node.count == 0 {
+                stack.extend([index + 1, node.first]);
+            } else if self.corners[leaf].iter().any(|c| distance_to_triangle(center, *c) < distance) {
+                return true;
+            }
+        }
+        false
     }
 
     /// Visits leaves near to far; `visit` returns the new upper limit, or `None` to stop.

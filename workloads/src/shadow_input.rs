@@ -24,8 +24,8 @@ pub struct ShadowInput {
     pub light_normal: Option<[f32; 3]>,
     /// Vertex positions, light-centred and scaled.
     pub vertices: Vec<[f32; 3]>,
-    /// Corners of each triangle. Triangles that must not count (degenerate, there twice, or with the light on them) have one corner three
-    /// times, so that every determinant is exactly 0. Closed bodies around the light run inward.
+    /// Corners of each triangle. Triangles that must not count (degenerate, there twice, or with the light on them)
+    /// have one corner three times, so that every determinant is exactly 0. Closed bodies around the light run inward.
     pub triangles: Vec<[u32; 3]>,
     /// Counting rule of each triangle.
     pub counting: Vec<Counting>,

@@ -11,7 +11,7 @@ use crate::mesh::Mesh;
 /// Triangles farther than this part of their size from a plane do not lie in it: exporters round to six digits or more.
 const FLAT: f64 = 1e-6;
 /// Faces of more triangles than this are not compared: floors with much on them would be walked again and again.
-const PATCH_TRIANGLES_MAX: usize = 64;
+const FACE_TRIANGLES_MAX: usize = 32;
 
 /// Splits each flat face as the first one that covers the same ground. Number and order of triangles stay.
 pub fn split_alike(mesh: &mut Mesh) {
@@ -25,10 +25,6 @@ fn split_once(mesh: &mut Mesh) -> bool {
     let mut rewritten = vec![false; mesh.triangles.len()];
     for edge in 0..rows.edges.len() {
         let faces: Vec<u32> = rows.faces(edge).iter().map(|face| face >> 1).collect();
-        // A face and its copy share an edge, and on most edges something goes on beyond: two faces are no copies.
-        if faces.len() < 2 {
-            continue;
-        }
         for (k, &first) in faces.iter().enumerate() {
             for &second in &faces[k + 1..] {
                 if rewritten[first as usize] || rewritten[second as usize] {
@@ -46,25 +42,6 @@ fn split_once(mesh: &mut Mesh) -> bool {
     rewritten.contains(&true)
 }
 
-/// Triangles that cover a part of a plane.
-struct Patch {
-    triangles: Vec<u32>,
-    /// Edges of an odd number of them.
-    rim: Vec<[u32; 2]>,
-}
-
-impl Patch {
-    fn add(&mut self, mesh: &Mesh, triangle: u32) {
-        self.triangles.push(triangle);
-        for edge in sides(mesh, triangle) {
-            match self.rim.iter().position(|&known| known == edge) {
-                Some(k) => drop(self.rim.swap_remove(k)),
-                None => self.rim.push(edge),
-            }
-        }
-    }
-}
-
 /// The two faces that the triangles `seeds` on one side of `edge` belong to, if they cover the same ground: each grows over
 /// its inner edges, which the other does not have, until both have the same rim.
 fn same_ground(mesh: &Mesh, rows: &EdgeRows, edge: [u32; 2], seeds: [u32; 2]) -> Option<[Vec<u32>; 2]> {
@@ -72,35 +49,38 @@ fn same_ground(mesh: &Mesh, rows: &EdgeRows, edge: [u32; 2], seeds: [u32; 2]) ->
     if !plane.holds(mesh, seeds[1]) || plane.side(mesh, edge, seeds[0]) != plane.side(mesh, edge, seeds[1]) {
         return None;
     }
-    let mut patches = seeds.map(|seed| {
-        let mut patch = Patch { triangles: Vec::new(), rim: Vec::new() };
-        patch.add(mesh, seed);
-        patch
-    });
-    for _ in 0..2 * PATCH_TRIANGLES_MAX {
-        let differing: Vec<(usize, [u32; 2])> = (0..2)
-            .flat_map(|k| patches[k].rim.iter().map(move |&edge| (k, edge)))
-            .filter(|(k, edge)| !patches[1 - k].rim.contains(edge))
-            .collect();
-        if differing.is_empty() {
-            let [first, second] = patches.map(|patch| patch.triangles);
-            return (first.len() == second.len()).then_some([first, second]);
+    let mut faces = [vec![], vec![]];
+    // Edges on the rim of one face and not of the other, with a triangle of that face.
+    let mut open: Vec<([u32; 2], usize, u32)> = Vec::new();
+    let mut next = seeds.into_iter().enumerate().collect::<Vec<_>>();
+    loop {
+        for (face, triangle) in next.drain(..) {
+            faces[face].push(triangle);
+            for side in sides(mesh, triangle) {
+                match open.iter().position(|&(known, ..)| known == side) {
+                    Some(k) => drop(open.swap_remove(k)),
+                    None => open.push((side, face, triangle)),
+                }
+            }
+        }
+        if open.is_empty() {
+            return (faces[0].len() == faces[1].len()).then_some(faces);
+        }
+        if faces[0].len() + faces[1].len() == 2 * FACE_TRIANGLES_MAX {
+            return None;
         }
         // Over an inner edge a face goes on in one triangle. At an outer one that the other has not reached yet, that other
         // lies on the same side.
-        let beyond = |(k, edge): (usize, [u32; 2])| {
-            let row = rows.edges.binary_search(&edge).expect("rims consist of listed edges");
+        let beyond = |&(edge, face, inside): &([u32; 2], usize, u32)| {
+            let row = rows.edges.binary_search(&edge).expect("triangles of faces are listed");
             let &[a, b] = rows.faces(row) else { return None };
-            let own = patches[k].triangles.contains(&(a >> 1));
-            let [inside, beyond] = if own { [a >> 1, b >> 1] } else { [b >> 1, a >> 1] };
-            let taken = patches.iter().any(|patch| patch.triangles.contains(&beyond));
+            let beyond = if a >> 1 == inside { b >> 1 } else { a >> 1 };
+            let taken = faces.iter().any(|face| face.contains(&beyond));
             let goes_on = plane.side(mesh, edge, inside) != plane.side(mesh, edge, beyond);
-            (!taken && goes_on && plane.holds(mesh, beyond)).then_some((k, beyond))
+            (!taken && goes_on && plane.holds(mesh, beyond)).then_some((face, beyond))
         };
-        let (k, next) = differing.into_iter().find_map(beyond)?;
-        patches[k].add(mesh, next);
+        next.push(open.iter().find_map(beyond)?);
     }
-    None
 }
 
 fn sides(mesh: &Mesh, triangle: u32) -> [[u32; 2]; 3] {

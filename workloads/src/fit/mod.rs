@@ -1,7 +1,11 @@
 //! Camera, light and, where there is none, a floor for a bare mesh. Up is +y.
+//!
+//! `interior` and `exterior` make candidates, cameras and lights that are clear of everything; `judge` takes the ones that show
+//! most: light, shadow and penumbra each in a fair part of the picture, near things and far ones.
 
 mod exterior;
 mod interior;
+mod judge;
 
 #[cfg(test)]
 mod tests;
@@ -49,6 +53,8 @@ struct Subject<'a> {
     bvh: Bvh,
     bounds: Bounds,
     diagonal: f64,
+    /// Height of a floor that is to be added.
+    floor: Option<f64>,
 }
 
 impl Subject<'_> {
@@ -68,13 +74,14 @@ impl Subject<'_> {
 pub fn fit_view(mesh: &Mesh) -> Fitted {
     let bounds = mesh.bounds();
     let diagonal = bounds.diagonal().max(f64::MIN_POSITIVE);
-    let subject = Subject { mesh, adjacency: Adjacency::new(mesh), bvh: Bvh::new(mesh), bounds, diagonal };
+    let subject =
+        Subject { mesh, adjacency: Adjacency::new(mesh), bvh: Bvh::new(mesh), bounds, diagonal, floor: None };
     if interior::is_room(&subject)
         && let Some(fitted) = interior::fit(&subject)
     {
         return fitted;
     }
-    exterior::fit(&subject)
+    exterior::fit(subject)
 }
 
 /// Makes a scene of a bare mesh with at least one triangle; prepares it and adds a floor if it has none.
