@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use crate::bvh::Bvh;
 use crate::camera::{Camera, ImageSize};
-use crate::mesh::Mesh;
+use crate::mesh::{Mesh, normal_direction};
 
 /// Receivers: the points visible through the pixel centers. Covered pixels only, row-major.
 #[derive(Debug, Clone, PartialEq)]
@@ -78,8 +78,7 @@ fn sample(mesh: &Mesh, triangle: u32, weights: [f64; 3], direction: DVec3, pixel
     let [a, b, c] = mesh.corners(triangle as usize);
     // From the first corner, so that a point of a triangle far off the origin stays in its plane.
     let point = a + (b - a) * weights[1] + (c - a) * weights[2];
-    let scale = (b - a).abs().max_element().max((c - a).abs().max_element());
-    let normal = ((b - a) / scale).cross((c - a) / scale).normalize_or_zero();
+    let normal = normal_direction([a, b, c]).normalize_or_zero();
     let turned = if normal.dot(direction) > 0.0 { -normal } else { normal };
     Sample { pixel, point, normal: turned.as_vec3(), triangle }
 }

@@ -38,8 +38,7 @@ impl Preview {
         let shades: Vec<(f64, f64)> = (0..eye.points.len())
             .into_par_iter()
             .map(|i| {
-                // Turned by the golden section from pixel to pixel, so that few rays do not show as bands.
-                let turn = (f64::from(eye.pixels[i]) * 0.618_033_988_749_895).fract();
+                let turn = Rays::turn(eye.pixels[i]);
                 let visible = rays.visibility(&bvh, eye.points[i], eye.triangles[i], turn);
                 let to_light = (scene.light.center() - eye.points[i]).normalize_or(DVec3::Y);
                 let facing = eye.normals[i].as_dvec3().dot(to_light).max(0.0);

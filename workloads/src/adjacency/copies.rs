@@ -6,7 +6,7 @@
 use glam::DVec3;
 
 use super::{EdgeRows, duplicates};
-use crate::mesh::Mesh;
+use crate::mesh::{Mesh, length, normal_direction};
 
 /// Triangles farther than this part of their size from a plane do not lie in it: exporters round to six digits or more.
 const FLAT: f64 = 1e-6;
@@ -96,10 +96,9 @@ struct Plane {
 
 impl Plane {
     fn of(mesh: &Mesh, triangle: u32) -> Self {
-        let [a, b, c] = mesh.corners(triangle as usize);
-        let scale = (b - a).abs().max_element().max((c - a).abs().max_element());
-        let normal = ((b - a) / scale).cross((c - a) / scale);
-        Self { at: a, normal: normal / crate::mesh::length(normal) }
+        let corners = mesh.corners(triangle as usize);
+        let normal = normal_direction(corners);
+        Self { at: corners[0], normal: normal / length(normal) }
     }
 
     /// Whether all corners of a triangle lie in the plane.

@@ -16,7 +16,7 @@ pub use counting::Counting;
 pub(crate) use silhouette::counts;
 pub use silhouette::{EdgeWeights, Stance, edge_weights, silhouette_edges, stances};
 
-use crate::mesh::Mesh;
+use crate::mesh::{Mesh, normal_direction};
 
 /// No component: degenerate and duplicate triangles.
 pub const NO_COMPONENT: u32 = u32::MAX;
@@ -117,11 +117,7 @@ pub(crate) fn is_degenerate(mesh: &Mesh, index: usize) -> bool {
     if a == b || b == c || c == a {
         return true;
     }
-    let [p, q, r] = mesh.corners(index);
-    let (e, f) = (q - p, r - p);
-    // Scaled, so that areas of 1e-60 do not count as none and those of 1e60 do not overflow.
-    let scale = e.abs().max_element().max(f.abs().max_element());
-    scale == 0.0 || (e / scale).cross(f / scale) == glam::DVec3::ZERO
+    normal_direction(mesh.corners(index)) == glam::DVec3::ZERO
 }
 
 fn duplicates(mesh: &Mesh) -> Vec<u32> {

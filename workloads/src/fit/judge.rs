@@ -108,9 +108,8 @@ impl Picture {
                 away += 1;
                 continue;
             }
-            let turn = (f64::from(number) * 0.618_033_988_749_895).fract();
             let own = receiver.triangle.unwrap_or(u32::MAX);
-            match rays.visibility(&subject.bvh, receiver.point, own, turn) {
+            match rays.visibility(&subject.bvh, receiver.point, own, Rays::turn(number)) {
                 1.0 => lit += 1,
                 0.0 => shadow += 1,
                 _ => penumbra += 1,

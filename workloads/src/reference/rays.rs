@@ -49,6 +49,13 @@ impl Rays {
         Self { light: *light, samples: (0..count).map(sample).collect() }
     }
 
+    /// How far the pattern is turned at pixel or receiver `number`, in [0, 1): by the golden section from one to the next, so that
+    /// few rays do not show as bands.
+    #[must_use]
+    pub fn turn(number: u32) -> f64 {
+        (f64::from(number) * 0.618_033_988_749_895).fract()
+    }
+
     /// Visible part of the light, in [0, 1], from `p` on triangle `own`; `turn` in [0, 1) turns the pattern.
     #[must_use]
     pub fn visibility(&self, bvh: &Bvh, p: DVec3, own: u32, turn: f64) -> f64 {

@@ -103,8 +103,7 @@ impl Peers for AsPeers<'_> {
         core.tell(message);
         if !takes_part {
             // It does not run: there is no reason to wait.
-            core.read_inbox(self.tables, 0);
-            core.shared.caches.grant_claims(Cycle::MAX);
+            core.read_inbox(self.tables, 0, Cycle::MAX);
         }
     }
 }

@@ -52,7 +52,7 @@ fn leave(parts: &mut Parts<'_, '_>, next: Cycle) {
         let streams = parts.step.next_chunk(parts.hands);
         let core = parts.cores.core(core);
         core.tell(Message::Tasks { thread, streams, from: next });
-        core.read_inbox(parts.tables, next);
+        core.read_inbox(parts.tables, next, next);
     }
     parts.pulls = pulls;
 }

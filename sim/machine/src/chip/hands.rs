@@ -197,18 +197,17 @@ impl<'a> Crew<'a> {
             let others = || after[1..].iter().chain(before).find_map(|share| share.take(start, false));
             after[0].take(start, true).or_else(others)
         };
-        let Some(mut core) = next() else { return };
+        let mut cores = std::iter::from_fn(next).peekable();
+        // Who comes late and finds nothing keeps nobody waiting for a lock.
+        if cores.peek().is_none() {
+            return;
+        }
         let mut done = 0;
         let slots = self.slots.read().unwrap_or_else(PoisonError::into_inner);
-        loop {
+        for core in cores {
             let mut slot = lock(&slots[core]);
             slot.as_mut().expect("a core that takes part exists").run_window(self.tables, start, end);
-            drop(slot);
             done += 1;
-            match next() {
-                Some(next) => core = next,
-                None => break,
-            }
         }
         drop(slots);
         self.done.fetch_add(done, Ordering::Release);
@@ -219,19 +218,18 @@ impl<'a> Crew<'a> {
         let relaxed = Ordering::Relaxed;
         let next =
             || self.next_task.fetch_update(relaxed, relaxed, |task| (task < end).then_some(task + 1)).ok();
-        let Some(mut task) = next() else { return };
+        let mut tasks = std::iter::from_fn(next).peekable();
+        if tasks.peek().is_none() {
+            return;
+        }
         let mut done = 0;
         let mut recorded = lock(&self.recorded[number]);
         let (streams, spare, tally) = &mut *recorded;
-        loop {
+        for task in tasks {
             let mut stream = spare.pop().unwrap_or_default();
             tally.record(self.source, task, &mut stream);
             streams.push((task, stream));
             done += 1;
-            match next() {
-                Some(next) => task = next,
-                None => break,
-            }
         }
         drop(recorded);
         self.done.fetch_add(done, Ordering::Release);

@@ -3,8 +3,8 @@
 //! A window is no longer than the shortest time in which anything outside a core can answer it
 //! ([`Uncore::answer_cycles_min`](crate::coherence::Uncore::answer_cycles_min)): whatever a core asks for in a window, the
 //! answer lies behind its end. So cores need not know of one another while they run, any host thread may run any of them, and
-//! the result is the same. Requests are served in the order of time, core and number, each transaction whole; a peer's claim
-//! is seen at most a window late.
+//! the result is the same. Requests are served in the order of time, core and number, each transaction whole but for its
+//! write-backs, which wait until they are due; a peer's claim is seen half a window early or late at most.
 
 use super::cores::AsPeers;
 use super::stuck::Watch;
@@ -34,10 +34,7 @@ pub(super) fn run(parts: &mut Parts<'_, '_>, start: Cycle) -> Result<(), Stuck> 
         base = end;
     }
     let Parts { cores, tables, .. } = parts;
-    cores.each_active(|core| {
-        core.read_inbox(tables, base);
-        core.shared.caches.grant_claims(Cycle::MAX);
-    });
+    cores.each_active(|core| core.read_inbox(tables, base, Cycle::MAX));
     Ok(())
 }
 

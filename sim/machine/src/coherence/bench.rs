@@ -126,8 +126,7 @@ impl Bench {
             self.turn();
         }
         for core in &mut self.cores {
-            core.read_inbox(&self.tables, self.now);
-            core.shared.caches.grant_claims(Cycle::MAX);
+            core.read_inbox(&self.tables, self.now, Cycle::MAX);
         }
         assert_eq!(self.requests, self.answers, "every request is answered once");
         // Lines that are on their way arrive before anybody asks again.
@@ -164,7 +163,7 @@ impl Bench {
         };
         self.uncore.run_until(start, &mut peers);
         for core in &mut self.cores {
-            core.read_inbox(&self.tables, start);
+            core.read_inbox(&self.tables, start, start);
         }
         // Each core its own wishes, in order of time.
         self.open.sort_by_key(|(at, core, _)| (*core, *at));

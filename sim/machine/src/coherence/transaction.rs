@@ -176,8 +176,8 @@ impl Decision {
 
 impl Uncore {
     /// Does a leg of `transaction` at `at`, and all that follow from it: at once if not `STEPWISE`, so that the transaction
-    /// is timed whole; else they go to the agenda, where `id` names the transaction. Returns whether the line is free for
-    /// the next transaction.
+    /// is timed whole but for its write-backs; else they go to the agenda, where `id` names the transaction. Returns whether
+    /// the line is free for the next transaction.
     #[inline(never)]
     pub(super) fn run<const STEPWISE: bool>(
         &mut self,

@@ -136,13 +136,7 @@ impl Uncore {
     #[inline(always)]
     pub(crate) fn write_back_until(&mut self, now: Cycle, floor: Cycle, peers: &mut impl Peers) {
         while let Some((id, leg, at)) = self.agenda.pop(now) {
-            let mut transaction = *self.agenda.transaction(id);
-            self.run::<false>(id, &mut transaction, leg, at, floor, peers);
-            if transaction.is_over() {
-                self.agenda.forget(id);
-            } else {
-                *self.agenda.transaction(id) = transaction;
-            }
+            self.run_kept::<false>(id, leg, at, floor, peers);
         }
     }
 
@@ -168,16 +162,10 @@ impl Uncore {
 
     /// Does one leg of an accepted request, and those that follow from it at once.
     pub(super) fn run_leg(&mut self, id: TransactionId, leg: Leg, at: Cycle, peers: &mut impl Peers) {
-        let mut transaction = *self.agenda.transaction(id);
-        let line = transaction.line();
-        let left = self.run::<true>(id, &mut transaction, leg, at, at, peers);
-        if transaction.is_over() {
-            self.agenda.forget(id);
-        } else {
-            *self.agenda.transaction(id) = transaction;
-        }
+        let (transaction, left) = self.run_kept::<true>(id, leg, at, at, peers);
         if left {
             // Those that waited for the line go on, in their order.
+            let line = transaction.line();
             self.agenda.leave(line, transaction.changes_owner());
             loop {
                 let (agenda, directory) = (&mut self.agenda, &self.directory);
@@ -186,6 +174,27 @@ impl Uncore {
                 self.run_leg(next, Leg::Decide, at, peers);
             }
         }
+    }
+
+    /// Does one leg of a transaction that the agenda keeps, and forgets it if it is over then. Returns what has become of it, and
+    /// whether its line is free for the next.
+    #[inline(always)]
+    fn run_kept<const STEPWISE: bool>(
+        &mut self,
+        id: TransactionId,
+        leg: Leg,
+        at: Cycle,
+        floor: Cycle,
+        peers: &mut impl Peers,
+    ) -> (Transaction, bool) {
+        let mut transaction = *self.agenda.transaction(id);
+        let left = self.run::<STEPWISE>(id, &mut transaction, leg, at, floor, peers);
+        if transaction.is_over() {
+            self.agenda.forget(id);
+        } else {
+            *self.agenda.transaction(id) = transaction;
+        }
+        (transaction, left)
     }
 
     /// The home knows at once of a line that makes room; the notice itself travels when the fill has arrived.

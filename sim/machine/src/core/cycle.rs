@@ -8,7 +8,7 @@ impl Core {
     /// Looks at what the uncore has said, and does what can be done in the cycle `now`: every thread goes on with what is no
     /// issue, and the next in turn that can issues.
     pub(crate) fn run_cycle(&mut self, tables: &CoreTables, now: Cycle) {
-        self.read_inbox(tables, now);
+        self.read_inbox(tables, now, now);
         if self.wake > now {
             return;
         }

@@ -189,13 +189,14 @@ impl Core {
         self.inbox.push(message);
     }
 
-    /// Looks at everything that the uncore has said; nothing will happen before `floor` any more.
+    /// Looks at everything that the uncore has said, and grants claims that are due by `claims_until`; nothing will happen before
+    /// `floor` any more.
     #[inline]
-    pub(crate) fn read_inbox(&mut self, tables: &CoreTables, floor: Cycle) {
+    pub(crate) fn read_inbox(&mut self, tables: &CoreTables, floor: Cycle, claims_until: Cycle) {
         if !self.inbox.is_empty() {
             self.read_messages(tables, floor);
         }
-        self.shared.caches.grant_claims(floor);
+        self.shared.caches.grant_claims(claims_until);
     }
 
     #[inline(never)]

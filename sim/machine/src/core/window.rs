@@ -20,10 +20,9 @@ impl Core {
     /// Looks at what the uncore has said, and issues what fits in the window from `start` to before `end`.
     #[inline(never)]
     pub(crate) fn run_window(&mut self, tables: &CoreTables, start: Cycle, end: Cycle) {
-        self.read_inbox(tables, start);
         // What others claim in the first half of the window goes at its beginning, what they claim later with the next: half a
         // window too early or too late at most, and as often one as the other.
-        self.shared.caches.grant_claims(start + (end - start) / 2);
+        self.read_inbox(tables, start, start + (end - start) / 2);
         if self.wake >= end {
             return;
         }
