@@ -97,7 +97,8 @@ pub(crate) fn run(args: &RunArgs, out: &mut impl Write) -> Result<(), Failure> {
     let size = args.size.as_deref().map(parse_size).transpose()?;
     let bar = Bar::new(std::io::stderr().is_terminal());
     bar.note("loading");
-    let mut scene = inputs::scene(&args.scene)?;
+    let name = inputs::scene_name(&args.scene)?;
+    let mut scene = inputs::scene_with(&name, &[])?;
     if let Some((width, height)) = size {
         inputs::resize(&mut scene, width, height)?;
     }
@@ -111,7 +112,7 @@ pub(crate) fn run(args: &RunArgs, out: &mut impl Write) -> Result<(), Failure> {
         Some(target) => target.clone(),
         None => results::default_dir(&scene.name, &machine.config.name, algorithm, &asked(args)),
     };
-    let mut files_read = inputs::scene_files(&args.scene, &scene);
+    let mut files_read = name.files(&scene);
     files_read.extend(inputs::machine_file(&args.machine));
     let mut names = results::names(args.dump);
     names.extend(args.frames.iter().flat_map(|_| frames::FILES));

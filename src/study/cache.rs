@@ -47,7 +47,7 @@ pub struct Inputs<'a> {
     #[serde(rename = "machine")]
     pub machine_hash: &'a str,
     /// What is drawn.
-    pub scene: &'a SceneName,
+    pub scene: &'a SceneId,
     /// Algorithm with its options.
     pub algorithm: &'a str,
     /// How much of the machine is modeled.
@@ -70,7 +70,7 @@ impl Entry {
     pub fn new(mut report: RunReport, host_seconds: f64) -> Entry {
         report.machine.sources.clear();
         let provenance = &report.provenance;
-        let scene = SceneName { name: report.scene.name.clone(), hash: provenance.scene_hash.clone() };
+        let scene = SceneId { name: report.scene.name.clone(), hash: provenance.scene_hash.clone() };
         let inputs = Inputs {
             machine_hash: &provenance.machine_hash,
             scene: &scene,
@@ -82,17 +82,17 @@ impl Entry {
     }
 }
 
-/// What names a scene.
+/// What a loaded scene is told from others by.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub struct SceneName {
+pub struct SceneId {
     name: String,
     hash: String,
 }
 
-impl SceneName {
-    /// The name of a scene that was loaded.
-    pub fn of(scene: &Scene) -> SceneName {
-        SceneName { name: scene.name.clone(), hash: scene_hash(scene) }
+impl SceneId {
+    /// The identity of a scene that was loaded.
+    pub fn of(scene: &Scene) -> SceneId {
+        SceneId { name: scene.name.clone(), hash: scene_hash(scene) }
     }
 }
 

@@ -11,7 +11,7 @@ use lrbsim_machine::Fidelity;
 use lrbsim_reports::study::{STUDY_SCHEMA_VERSION, StudyPoint, StudyReport};
 use lrbsim_workloads::Scene;
 
-use super::cache::{Cache, Entry, Inputs, SceneName};
+use super::cache::{Cache, Entry, Inputs, SceneId};
 use super::file::Study;
 use super::forecast::Forecast;
 use super::memory;
@@ -81,7 +81,7 @@ pub struct StudyOutput {
 /// One scene of a study.
 #[derive(Clone)]
 struct Stage {
-    name: SceneName,
+    name: SceneId,
     work: f64,
     memory: u64,
     scene: Option<Arc<Scene>>,
@@ -180,7 +180,7 @@ fn plan(
             let scene = Arc::new(recipe.scene()?);
             let pixels = f64::from(scene.image.width) * f64::from(scene.image.height);
             let stage = Stage {
-                name: SceneName::of(&scene),
+                name: SceneId::of(&scene),
                 work: pixels + 4.0 * scene.mesh.triangles.len() as f64,
                 memory: memory::estimate(&scene, &machine),
                 scene: (stages.len() < SCENES_KEPT).then_some(scene),

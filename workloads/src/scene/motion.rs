@@ -224,15 +224,13 @@ fn move_objects(mesh: &mut Mesh, name: &str, way: &Move) {
 
 #[cfg(test)]
 mod tests {
-    use std::path::Path;
-
     use super::*;
-    use crate::scene::{builtin_scene, parse_scene};
+    use crate::scene::{SceneName, builtin_scene};
 
     fn scene(motion: &str) -> Result<Scene, SceneError> {
         let text = builtin_scene("tiny").expect("shipped");
         let end = text.rfind('}').expect("an object");
-        parse_scene(&format!("{}, \"motion\": {motion}}}", &text[..end]), "tiny", Path::new(""))
+        SceneName::Shipped("tiny").scene_of_text(&format!("{}, \"motion\": {motion}}}", &text[..end]))
     }
 
     fn near(a: DVec3, b: DVec3) -> bool {

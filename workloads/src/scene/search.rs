@@ -25,12 +25,10 @@ pub fn find_model(model: &str, beside: &Path) -> Result<PathBuf, SceneError> {
     find_in(Path::new(model), search_path().into_iter().chain([beside.to_owned()]))
 }
 
-/// Path of the model `model` that is a scene by itself: relative to `beside`, or else in the folders of the variable.
-#[must_use]
-pub fn find_bare_model(model: &Path, beside: &Path) -> PathBuf {
-    let here = beside.join(model);
+/// Path of the model `model` that is a scene by itself: this path, or else one in the folders of the variable.
+pub(super) fn find_bare_model(model: &Path) -> PathBuf {
     // Of one that is nowhere, the plain path: reading it says what is wrong.
-    find_in(model, [beside.to_owned()].into_iter().chain(search_path())).unwrap_or(here)
+    find_in(model, [PathBuf::new()].into_iter().chain(search_path())).unwrap_or_else(|_| model.to_owned())
 }
 
 fn search_path() -> Vec<PathBuf> {

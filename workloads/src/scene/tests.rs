@@ -95,8 +95,7 @@ fn inputs_of_kernels_do_not_depend_on_the_scale_of_the_scene() {
 fn error_of(from: &str, to: &str) -> String {
     let text = builtin_scene("tiny").expect("shipped");
     assert!(text.contains(from), "{from}");
-    let error = parse_scene(&text.replace(from, to), "test", Path::new(".")).expect_err("bad value");
-    error.to_string()
+    SceneName::Shipped("tiny").scene_of_text(&text.replace(from, to)).expect_err("bad value").to_string()
 }
 
 #[test]
