@@ -25,7 +25,7 @@ pub struct FramesOutput {
     pub report: FramesReport,
     /// The frame that took the longest.
     pub worst: RunOutput,
-    /// All frames, one after the other.
+    /// All frames, one after the other, as an animated PNG.
     pub animation: Vec<u8>,
 }
 

@@ -43,7 +43,7 @@ pub struct Manifest {
 pub struct Verdict {
     /// Files that came out the same.
     pub same: usize,
-    /// What did not, a line each; empty when all is well.
+    /// What did not come out the same, a line each; empty when all is well.
     pub faults: Vec<String>,
 }
 

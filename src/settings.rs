@@ -12,7 +12,7 @@ pub struct Setting {
     pub path: String,
     /// The new value.
     pub value: Value,
-    /// Who asked for it, for messages: `--set cores=8`.
+    /// Who asked for the change, for messages: `--set cores=8`.
     pub said: String,
 }
 

@@ -44,15 +44,15 @@ pub enum Bench {
     Issue(Issue),
     /// Loops over arrays.
     Stream(Stream),
-    /// Gathers.
+    /// Gathers from a table.
     Gather(Gather),
-    /// Locked operations.
+    /// Locked operations on lines.
     Atomic(Atomic),
 }
 
 /// A benchmark that can be run.
 pub struct Prepared {
-    /// Simulated memory.
+    /// Simulated memory, with the arrays that the passes work on.
     pub arena: Arena,
     /// What all threads run, one after the other, at least two: the last takes [`Prepared::units`] longer than the one
     /// before it.

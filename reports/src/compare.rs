@@ -32,9 +32,9 @@ pub struct Comparison {
 /// Two times and their difference, in picoseconds of simulated time.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Change {
-    /// In run A.
+    /// Picoseconds in run A.
     pub a_ps: i64,
-    /// In run B.
+    /// Picoseconds in run B.
     pub b_ps: i64,
     /// B minus A.
     pub change_ps: i64,
@@ -43,11 +43,11 @@ pub struct Change {
 /// What changed in one phase.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct PhaseChange {
-    /// Stable name.
+    /// Stable name of the phase.
     pub id: String,
     /// Title for people.
     pub title: String,
-    /// Its time.
+    /// Time of the phase in both runs.
     pub time: Change,
     /// Change of its time by cause; adds up to that of the phase. Picoseconds.
     pub causes_ps: BTreeMap<String, i64>,
@@ -58,9 +58,9 @@ pub struct PhaseChange {
 pub struct Difference {
     /// Path in the report.
     pub path: String,
-    /// In run A; null where it is missing.
+    /// Value of the input in run A; null where it is missing.
     pub a: Value,
-    /// In run B; null where it is missing.
+    /// Value of the input in run B; null where it is missing.
     pub b: Value,
 }
 
@@ -70,9 +70,9 @@ pub struct Difference {
 pub enum PictureChange {
     /// Bit for bit the same visibility.
     Same,
-    /// They differ; the pictures themselves are not there to tell by how much.
+    /// The pictures differ, and are not there themselves to tell by how much.
     Differs,
-    /// They have other sizes.
+    /// The pictures have other sizes.
     OtherSize,
     /// Visibility differs, in steps of 1/255.
     By {
@@ -82,7 +82,7 @@ pub enum PictureChange {
         part: f64,
         /// Root of the mean square difference over all pixels, in [0, 1].
         rmse: f64,
-        /// Greatest difference, in [0, 1].
+        /// Greatest difference of a pixel, in [0, 1].
         greatest: f64,
     },
 }

@@ -12,7 +12,7 @@ pub struct Entry {
     pub path: String,
     /// Unit; `1` for parts and ratios.
     pub unit: &'static str,
-    /// What it is.
+    /// What the number measures, in a sentence.
     pub meaning: String,
 }
 

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use clap::Args;
-use lrbsim::outcomes::replaced_run;
+use lrbsim::written::replaced_run;
 use lrbsim::{
     Algorithm, BadInput, HostOptions, Machine, RunRequest, Setting, frames, inputs, results, run_frame,
 };

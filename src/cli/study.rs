@@ -8,9 +8,9 @@ use std::time::Duration;
 use clap::{Args, ValueEnum};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use lrbsim::BadInput;
-use lrbsim::outcomes::replaced_study;
 use lrbsim::results::spare_inputs;
-use lrbsim::study::{self, Options, Progress, Status, Study, run_study};
+use lrbsim::study::{self, Options, Status, Study, StudyProgress, run_study};
+use lrbsim::written::replaced_study;
 use lrbsim_reports::analysis::findings;
 use lrbsim_reports::files::ResultDir;
 
@@ -183,7 +183,7 @@ impl Bar {
     }
 }
 
-impl Progress for Bar {
+impl StudyProgress for Bar {
     fn status(&self, status: &Status) {
         let first = self.state.lock().map(|mut last| last.replace(*status).is_none()).unwrap_or(false);
         if first && self.resume {

@@ -14,7 +14,7 @@ use crate::settings::{self, Setting};
 pub struct Machine {
     /// The effective configuration, every default filled in.
     pub config: MachineConfig,
-    /// The same in the units of timing.
+    /// The configuration in the units of timing.
     pub spec: MachineSpec,
 }
 

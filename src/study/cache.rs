@@ -28,9 +28,9 @@ pub struct Cache(PathBuf);
 pub struct Entry {
     /// Hash of everything that determines it.
     pub key: String,
-    /// Host seconds it took: what is known about the cost of others like it.
+    /// Host seconds that the point took: what is known about the cost of others like it.
     pub host_seconds: f64,
-    /// What was measured, without the sources of the machine's numbers.
+    /// What was measured at the point, without the sources of the machine's numbers.
     pub report: RunReport,
 }
 
@@ -46,7 +46,7 @@ pub struct Inputs<'a> {
     /// Hash of the machine's numbers.
     #[serde(rename = "machine")]
     pub machine_hash: &'a str,
-    /// What is drawn.
+    /// The scene that is drawn.
     pub scene: &'a SceneId,
     /// Algorithm with its options.
     pub algorithm: &'a str,
@@ -106,7 +106,7 @@ impl Cache {
         Ok(Cache(folder.to_owned()))
     }
 
-    /// Where it is.
+    /// The folder of the cache.
     pub fn folder(&self) -> &Path {
         &self.0
     }

@@ -45,7 +45,7 @@ pub enum Light {
     /// The straight line from `p0` to `p1`. No kernel draws it yet: scenes with one are refused, and only the reference
     /// rays sample it.
     Linear {
-        /// One end.
+        /// One end of the line.
         #[schemars(with = "[f64; 3]")]
         p0: DVec3,
         /// The other end.
@@ -54,7 +54,7 @@ pub enum Light {
     },
     /// A point: hard shadows.
     Point {
-        /// Where it is.
+        /// Place of the light.
         #[schemars(with = "[f64; 3]")]
         center: DVec3,
     },

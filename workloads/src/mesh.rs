@@ -63,9 +63,9 @@ pub struct Mesh {
 /// An axis-aligned box; empty when `min > max`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bounds {
-    /// Least corner.
+    /// Corner with the least coordinates.
     pub min: DVec3,
-    /// Greatest corner.
+    /// Corner with the greatest coordinates.
     pub max: DVec3,
 }
 
@@ -85,7 +85,7 @@ impl Bounds {
         Self { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
 
-    /// Edge lengths.
+    /// Edge lengths of the box.
     #[must_use]
     pub fn size(&self) -> DVec3 {
         self.max - self.min

@@ -20,15 +20,15 @@ use crate::study::{Analysis, AnalysisKind, StudyReport};
 /// What one analysis found.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Finding {
-    /// Stem of its files.
+    /// Stem of the names of the finding's files.
     pub name: String,
-    /// What it shows.
+    /// What the finding shows, as a heading.
     pub title: String,
-    /// What to know when reading it.
+    /// What to know when reading the finding, a line each.
     pub notes: Vec<String>,
-    /// The numbers.
+    /// The numbers of the finding as a table.
     pub sheet: Sheet,
-    /// The picture of them.
+    /// The numbers of the finding as a plot, where there is one.
     pub plot: Option<Plot>,
 }
 

@@ -23,7 +23,7 @@ const PAGE: &str = include_str!("page.js");
 /// A picture for a page.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Picture {
-    /// What it shows.
+    /// What the picture shows, as its caption.
     pub title: String,
     /// The picture itself.
     url: String,

@@ -8,9 +8,9 @@ use crate::mesh::{Mesh, distance_to_triangle};
 /// Weights of one edge: how many more counted faces lie left of `v[0] -> v[1]` than right of it.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct EdgeWeights {
-    /// In the sum F of faces towards the light.
+    /// Weight of the edge in the sum F of faces towards the light.
     pub front: i32,
-    /// In the sum B of faces away from the light.
+    /// Weight of the edge in the sum B of faces away from the light.
     pub back: i32,
 }
 
@@ -82,13 +82,14 @@ pub fn silhouette_edges(mesh: &Mesh, adjacency: &Adjacency, light_center: DVec3)
 /// How a triangle of a prepared mesh counts for a light at some place.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stance {
-    /// With the winding that it has.
+    /// The triangle counts with the winding that it has.
     AsItRuns,
-    /// With the other winding: it belongs to a closed, outward body that has the light inside or on it.
+    /// The triangle counts with the other winding: it belongs to a closed, outward body that has the light inside or on it.
     ///
     /// Such a body (a room, a lantern) must be counted by its inner side: none of its outward faces looks at the light.
     TurnedOver,
-    /// Not at all: the light lies on it, and which of its sides looks at the light would be a matter of rounding.
+    /// The triangle does not count: the light lies on it, and which of its sides looks at the light would be a matter
+    /// of rounding.
     LeftOut,
 }
 

@@ -34,7 +34,7 @@ pub struct View {
 pub struct Shown {
     /// Part of the picture that receivers cover.
     covered: f64,
-    /// On the mesh rather than on a floor that is added.
+    /// Part of the picture that shows the mesh rather than a floor that is added.
     subject: f64,
     /// Standard deviation of the distance to the eye as a part of its mean.
     depth: f64,

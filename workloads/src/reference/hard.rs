@@ -16,7 +16,7 @@ pub(super) fn is_left(p: DVec3, v0: DVec3, v1: DVec3) -> bool {
 pub struct HardHit {
     /// The line through light and receiver meets the triangle.
     pub inside: bool,
-    /// Where it meets the triangle's plane: 0 at the light, 1 at the receiver.
+    /// Where the ray from the light meets the triangle's plane: 0 at the light, 1 at the receiver.
     pub t: f64,
 }
 

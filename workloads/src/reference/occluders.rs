@@ -27,7 +27,7 @@ pub struct Projection {
 }
 
 impl Projection {
-    /// For receiver `p` (light at the origin) and a disc of `radius` across `normal`; `None`: it faces the receiver.
+    /// The disc that receiver `p` sees (light at the origin), of `radius` across `normal`; `None`: it faces the receiver.
     #[must_use]
     pub fn new(p: DVec3, radius: f64, normal: Option<DVec3>) -> Self {
         let axis = match normal {
@@ -96,7 +96,7 @@ pub struct Occluders {
 }
 
 impl Occluders {
-    /// From the very numbers that kernels get: differences to a kernel are then its rounding, or its faults.
+    /// The occluders made of the very numbers that kernels get: differences to a kernel are then its rounding, or its faults.
     #[must_use]
     pub fn from_input(input: &ShadowInput) -> Self {
         let vertices: Vec<DVec3> = input.vertices.iter().map(|&v| glam::Vec3::from(v).as_dvec3()).collect();
@@ -109,7 +109,7 @@ impl Occluders {
         made
     }
 
-    /// From a prepared mesh, without rounding to f32.
+    /// The occluders made of a prepared mesh, without rounding to f32.
     #[must_use]
     pub fn from_mesh(mesh: &Mesh, adjacency: &Adjacency, light: &Light) -> Self {
         let center = light.center();

@@ -40,15 +40,15 @@ pub struct Scene {
     pub name: String,
     /// Welded and oriented triangles, world space.
     pub mesh: Mesh,
-    /// Where it is seen from.
+    /// Camera that the scene is seen from.
     pub camera: Camera,
     /// Size of the picture.
     pub image: ImageSize,
-    /// What casts the shadows.
+    /// Light that casts the shadows.
     pub light: Light,
     /// Where the mesh came from: a path as given, or `procedural NAME`.
     pub source: String,
-    /// What moves, if anything does.
+    /// What moves in the scene, if anything does.
     pub motion: Option<Motion>,
     /// What was fitted, if the scene is a bare OBJ file.
     pub fit: Option<FitInfo>,

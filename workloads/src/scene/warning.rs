@@ -14,7 +14,7 @@ pub enum SceneWarning {
     LeftOut {
         /// File that has them.
         file: String,
-        /// Which they are.
+        /// Word that the lines begin with, the first of them, and their number.
         lines: LeftOut,
     },
     /// The light reaches into a triangle: a part of it is then behind that triangle, or inside a body.
