@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::BTreeMap;
 
-use crate::run::RunReport;
+use crate::run::{RunReport, Warning};
 
 /// Version of the layout of [`StudyReport`].
 pub const STUDY_SCHEMA_VERSION: u32 = 1;
@@ -233,6 +233,26 @@ impl StudyReport {
         text.replace_range(empty..empty + 2, &format!("[{}\n  ]", points.join(",")));
         text.push('\n');
         text
+    }
+
+    /// What makes points suspicious: a line for each kind of warning, with the number of points that carry it.
+    pub fn warnings(&self) -> Vec<String> {
+        let reports = || self.points.iter().filter_map(|point| point.report.as_ref());
+        let mut first: Vec<&Warning> = Vec::new();
+        for warning in reports().flat_map(|report| &report.warnings) {
+            if first.iter().all(|known| known.kind != warning.kind) {
+                first.push(warning);
+            }
+        }
+        let line = |Warning { kind, message }: &Warning| {
+            let carries = |report: &&RunReport| report.warnings.iter().any(|warning| warning.kind == *kind);
+            format!(
+                "warning at {} of {} points: {message}",
+                reports().filter(carries).count(),
+                self.points.len()
+            )
+        };
+        first.into_iter().map(line).collect()
     }
 
     /// The report of the point with `values`.
