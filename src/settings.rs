@@ -31,6 +31,13 @@ impl std::str::FromStr for Setting {
     }
 }
 
+impl Setting {
+    /// The changes that `--set` was given, in order.
+    pub fn all(texts: &[String]) -> Result<Vec<Setting>, BadInput> {
+        texts.iter().map(|text| text.parse()).collect()
+    }
+}
+
 /// Makes all changes to `tree`, in order; `root` is what the tree is, for messages.
 pub fn apply(tree: &mut Value, settings: &[Setting], root: &str) -> Result<(), BadInput> {
     for setting in settings {

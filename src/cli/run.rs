@@ -91,9 +91,7 @@ pub(crate) fn run(args: &RunArgs, out: &mut impl Write) -> Result<(), Failure> {
     let algorithm = Algorithm::from_str(&args.algorithm)?;
     let fidelity = Fidelity::from_str(&args.fidelity).map_err(|error| BadInput::new(error.to_string()))?;
     let host = host_options(args)?;
-    let settings: Vec<Setting> =
-        args.settings.iter().map(|text| text.parse()).collect::<Result<_, BadInput>>()?;
-    let machine = Machine::load(&args.machine, &settings)?;
+    let machine = Machine::load(&args.machine, &Setting::all(&args.settings)?)?;
     let size = args.size.as_deref().map(parse_size).transpose()?;
     let bar = Bar::new(std::io::stderr().is_terminal());
     bar.note("loading");
