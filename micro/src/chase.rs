@@ -19,8 +19,8 @@ pub enum Order {
         /// Bytes from one word to the next, a multiple of 4.
         stride_bytes: u32,
     },
-    /// One word of every line of so many, a power of two, each time on the next page and one line further: near lines are
-    /// never visited one after the other.
+    /// One word of every line of so many, a power of two, each time on the next page and one line further: near lines
+    /// are never visited one after the other.
     Diagonal {
         /// How many lines are visited, a power of two.
         lines: u32,

@@ -11,8 +11,9 @@ use lrbsim_isa::{Addr, Arena, Step};
 const UNROLL: u64 = 8;
 const LINE_WORDS: u32 = 16;
 
-/// Lines that a load goes ahead of the arithmetic on it, which goes a line ahead of its store: what is loaded is there when
-/// it is used, and loads and stores find something to pair with, as a compiler for a machine of two pipes orders them.
+/// Lines that a load goes ahead of the arithmetic on it, which goes a line ahead of its store: what is loaded is there
+/// when it is used, and loads and stores find something to pair with, as a compiler for a machine of two pipes orders
+/// them.
 const LOAD_AHEAD: u64 = 2;
 
 /// How a loop stores its result.

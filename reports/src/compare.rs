@@ -185,7 +185,8 @@ fn cause_times(phase: &PhaseReport, ps: i64) -> [i64; Cause::COUNT] {
     shared_out(ps, &cycles).try_into().expect("a part for each cause")
 }
 
-/// `whole` in whole parts that stand to each other as `weights` and add up to it: the largest remainders are rounded up.
+/// `whole` in whole parts that stand to each other as `weights` and add up to it: the largest remainders are rounded
+/// up.
 fn shared_out(whole: i64, weights: &[u64]) -> Vec<i64> {
     let sum: u128 = weights.iter().map(|weight| u128::from(*weight)).sum();
     if sum == 0 {

@@ -24,8 +24,8 @@ const THUMBNAIL_COLUMNS: u32 = 80;
 pub(crate) enum SceneCommand {
     /// List the shipped scenes, and the views of models that must be found.
     ///
-    /// A model is looked up in the folders of LRBSIM_SCENES (configs/scenes/models if that is not set), in their order, and
-    /// then beside the scene file; for a shipped view, in the current folder.
+    /// A model is looked up in the folders of LRBSIM_SCENES (configs/scenes/models if that is not set), in their order,
+    /// and then beside the scene file; for a shipped view, in the current folder.
     List,
     /// Print what is in a scene, and what it looks like.
     Show {

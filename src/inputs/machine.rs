@@ -38,8 +38,8 @@ impl Machine {
         Ok(Machine { config, spec })
     }
 
-    /// `machine` with further `settings`, which must name fields and have their types; whether the machine is sound is not
-    /// checked.
+    /// `machine` with further `settings`, which must name fields and have their types; whether the machine is sound is
+    /// not checked.
     pub(crate) fn apply_settings(machine: &Machine, settings: &[Setting]) -> Result<MachineConfig, BadInput> {
         apply(&machine.config, settings)
     }

@@ -251,7 +251,8 @@ impl Job {
             .map_err(|bad| explained(&bad))?;
         let entry = Entry::new(output.report, output.host.seconds);
         if entry.key != self.key {
-            // The key says what was asked for and the entry what was run: a scene that is loaded again may be another one.
+            // The key says what was asked for and the entry what was run: a scene that is loaded again may be another
+            // one.
             return Err(format!(
                 "the files of scene `{}` changed while the study ran; run the study again",
                 entry.report.scene.name

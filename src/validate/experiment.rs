@@ -21,9 +21,9 @@ pub struct Experiment {
 /// What came out of an experiment.
 #[derive(Debug, Clone)]
 pub struct Outcome {
-    /// Cycles by which the long pass took longer than the short one, see [`lrbsim_micro`]: of each the mean of the cores
-    /// that work in it. The programs run for seconds, so that every thread meets all banks of the memory; in a pass as
-    /// short as these the last thread is only the one that had bad luck.
+    /// Cycles by which the long pass took longer than the short one, see [`lrbsim_micro`]: of each the mean of the
+    /// cores that work in it. The programs run for seconds, so that every thread meets all banks of the memory; in a
+    /// pass as short as these the last thread is only the one that had bad luck.
     pub cycles: f64,
     /// Units of work in that time.
     pub units: f64,

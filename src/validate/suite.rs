@@ -107,8 +107,8 @@ pub(super) fn plan(target: &Target, targets: &Targets, machine: &Machine) -> Res
 /// Of an id that is in no family.
 pub(super) const UNKNOWN: NotExpressed = NotExpressed("no benchmark has this id");
 
-/// A sibling part is the machine with another clock, other cores and another memory; a machine that is none of the parts
-/// runs the row as it is.
+/// A sibling part is the machine with another clock, other cores and another memory; a machine that is none of the
+/// parts runs the row as it is.
 fn conditions<'a>(target: &Target, targets: &Targets, machine: &'a Machine) -> Conditions<'a> {
     let own = machine.config.name.replace('-', "_");
     let mut cores = machine.config.cores;

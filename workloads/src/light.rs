@@ -29,8 +29,8 @@ pub enum Light {
         /// 0 or more.
         radius: f64,
     },
-    /// The parallelogram `center + s half_u + t half_v`, s and t in [-1, 1]. No kernel draws it yet: scenes with one are
-    /// refused, and only the reference rays sample it.
+    /// The parallelogram `center + s half_u + t half_v`, s and t in [-1, 1]. No kernel draws it yet: scenes with one
+    /// are refused, and only the reference rays sample it.
     Rect {
         /// Middle of the light.
         #[schemars(with = "[f64; 3]")]
@@ -99,8 +99,9 @@ impl Light {
         }
     }
 
-    /// How near a triangle comes to the middle of the light where it could cut it, world units: anywhere for a sphere, whose disc
-    /// turns, and in its own plane for a disc, infinite if it does not meet that. Nearer than [`Light::disc_radius`], it cuts it.
+    /// How near a triangle comes to the middle of the light where it could cut it, world units: anywhere for a sphere,
+    /// whose disc turns, and in its own plane for a disc, infinite if it does not meet that. Nearer than
+    /// [`Light::disc_radius`], it cuts it.
     ///
     /// # Panics
     /// As [`Light::disc_radius`].
@@ -126,7 +127,8 @@ impl Light {
     }
 }
 
-/// Where a triangle crosses the plane through `center` across `normal`: a line from end to end; `None` where it does not.
+/// Where a triangle crosses the plane through `center` across `normal`: a line from end to end; `None` where it does
+/// not.
 fn cut_by_plane(corners: [DVec3; 3], center: DVec3, normal: DVec3) -> Option<[DVec3; 2]> {
     let heights = corners.map(|corner| (corner - center).dot(normal));
     let crosses = heights.iter().any(|height| *height > 0.0) && heights.iter().any(|height| *height < 0.0);

@@ -111,8 +111,8 @@ pub(crate) fn length(v: DVec3) -> f64 {
     if scale == 0.0 || !scale.is_finite() { scale } else { scale * (v / scale).length() }
 }
 
-/// Direction of a triangle's normal, of any length; zero if it has no area in f64. Its edges are scaled, so that areas of
-/// 1e-60 do not count as none and those of 1e60 do not overflow.
+/// Direction of a triangle's normal, of any length; zero if it has no area in f64. Its edges are scaled, so that areas
+/// of 1e-60 do not count as none and those of 1e60 do not overflow.
 pub(crate) fn normal_direction([a, b, c]: [DVec3; 3]) -> DVec3 {
     let (e, f) = (b - a, c - a);
     let scale = e.abs().max_element().max(f.abs().max_element());

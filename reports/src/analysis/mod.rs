@@ -138,8 +138,8 @@ impl Data {
         if groups == 1 { self.with_phases(y) } else { vec![y.to_owned()] }
     }
 
-    /// The rows in groups that differ in nothing but the axis `x`, with a name for each group; all in one where `x` is no
-    /// axis but something that was measured.
+    /// The rows in groups that differ in nothing but the axis `x`, with a name for each group; all in one where `x` is
+    /// no axis but something that was measured.
     fn groups(&self, x: &str) -> Vec<(String, Vec<&Row>)> {
         let measured = !self.axes.iter().any(|axis| axis == x);
         let others: Vec<usize> =

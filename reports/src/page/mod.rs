@@ -1,7 +1,7 @@
 //! `report.html`: one page for a run, a study or a moving scene that needs nothing else, not even a network.
 //!
-//! The page holds the JSON it was made of, and draws itself from it: whatever it shows stands there, or is a ratio of two
-//! numbers that do.
+//! The page holds the JSON it was made of, and draws itself from it: whatever it shows stands there, or is a ratio of
+//! two numbers that do.
 
 use lrbsim_machine::{MachineConfig, builtin_machine};
 use serde::Serialize;

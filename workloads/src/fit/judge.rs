@@ -17,7 +17,8 @@ const LOOK_RAYS: u32 = 8;
 const LOOKS: usize = 12;
 /// A closer look costs as many rays as so many glances.
 const GLANCES_A_LOOK: usize = 32;
-/// Tests that all glances may take together, a ray each: meshes whose triangles all lie over one another get fewer of them.
+/// Tests that all glances may take together, a ray each: meshes whose triangles all lie over one another get fewer of
+/// them.
 const TESTS_MAX: f64 = 5e5;
 
 /// A camera and a light.

@@ -1,7 +1,7 @@
 //! Camera, light and, where there is none, a floor for a bare mesh. Up is +y.
 //!
-//! `interior` and `exterior` make candidates, cameras and lights that are clear of everything; `judge` takes the ones that show
-//! most: light, shadow and penumbra each in a fair part of the picture, near things and far ones.
+//! `interior` and `exterior` make candidates, cameras and lights that are clear of everything; `judge` takes the ones
+//! that show most: light, shadow and penumbra each in a fair part of the picture, near things and far ones.
 
 mod exterior;
 mod interior;

@@ -13,7 +13,8 @@ struct CrossAxes {
     normal: DVec3,
 }
 
-/// The cross axes at each point of a path of at least two different points; the first side is level where the path is not upright.
+/// The cross axes at each point of a path of at least two different points; the first side is level where the path is
+/// not upright.
 fn cross_axes(path: &[DVec3]) -> Vec<CrossAxes> {
     let last = path.len() - 1;
     let along = |k: usize| (path[(k + 1).min(last)] - path[k.max(1) - 1]).normalize();

@@ -20,8 +20,8 @@ pub struct HardHit {
     pub t: f64,
 }
 
-/// Greatest [`HardHit::t`] at which triangle `v` shadows: it must be nearer than the receiver by more than f32 may take a
-/// point off its plane, which is eight roundings of the terms of `point . normal`, as the kernels have it.
+/// Greatest [`HardHit::t`] at which triangle `v` shadows: it must be nearer than the receiver by more than f32 may take
+/// a point off its plane, which is eight roundings of the terms of `point . normal`, as the kernels have it.
 pub(super) fn greatest_t(v: [DVec3; 3]) -> f64 {
     const ROUNDINGS: f64 = 1.0 / (1 << 21) as f64;
     let n = (v[1] - v[0]).cross(v[2] - v[0]);

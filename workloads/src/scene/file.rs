@@ -33,8 +33,8 @@ pub struct SceneFile {
     expecting = "a mesh is the path of an OBJ file, or {\"procedural\": NAME, \"seed\": N, \"detail\": N}"
 )]
 pub enum MeshSource {
-    /// An OBJ file: looked up in the folders of the environment variable `LRBSIM_SCENES` (`configs/scenes/models` if that
-    /// is not set), then beside the scene file.
+    /// An OBJ file: looked up in the folders of the environment variable `LRBSIM_SCENES` (`configs/scenes/models` if
+    /// that is not set), then beside the scene file.
     Path(String),
     /// Triangles made by code.
     Procedural(Procedural),

@@ -85,7 +85,8 @@ impl Scene {
         })
     }
 
-    /// Makes the scene that `file` describes; its model is looked up as [`search`] says, `beside` being the file's folder.
+    /// Makes the scene that `file` describes; its model is looked up as [`search`] says, `beside` being the file's
+    /// folder.
     fn of_file(name: &str, file: &SceneFile, beside: &Path) -> Result<Self, SceneError> {
         // First what costs nothing: a model may be large.
         validate(file)?;
@@ -100,8 +101,8 @@ impl Scene {
     }
 }
 
-/// Loads the scene that somebody in `folder` calls `name`: a shipped name, `FILE.json`, or `FILE.obj`, which gets a fitted
-/// view.
+/// Loads the scene that somebody in `folder` calls `name`: a shipped name, `FILE.json`, or `FILE.obj`, which gets a
+/// fitted view.
 ///
 /// # Errors
 /// If it is no name of a scene, or as [`SceneName::load`].

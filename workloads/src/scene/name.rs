@@ -9,8 +9,8 @@ use super::validate::validate_mesh;
 use super::{Scene, SceneError, SceneFile};
 use crate::{fit, obj};
 
-/// The name that somebody gave a scene, told apart once: what is loaded, what it is called and which files it is made of
-/// follow from this.
+/// The name that somebody gave a scene, told apart once: what is loaded, what it is called and which files it is made
+/// of follow from this.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum SceneName {
     /// A scene inside the program, by its name.

@@ -1,10 +1,10 @@
 //! Where models are looked for.
 //!
-//! A model that a scene file names is looked up in the folders of the environment variable `LRBSIM_SCENES` (separated as
-//! in `PATH`), in their order, and then beside the scene file; for a shipped scene, which has no file, in the current
-//! folder. Where the variable is not set it stands for `configs/scenes/models`, so that a checkout finds its own models.
-//! The first that is there is taken. An absolute path is taken as it is. A model that is a scene by itself is a path
-//! first: only what is not there is looked up.
+//! A model that a scene file names is looked up in the folders of the environment variable `LRBSIM_SCENES` (separated
+//! as in `PATH`), in their order, and then beside the scene file; for a shipped scene, which has no file, in the
+//! current folder. Where the variable is not set it stands for `configs/scenes/models`, so that a checkout finds its
+//! own models. The first that is there is taken. An absolute path is taken as it is. A model that is a scene by itself
+//! is a path first: only what is not there is looked up.
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
