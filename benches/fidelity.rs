@@ -120,7 +120,7 @@ fn main() -> Result<(), Error> {
             let mut request = RunRequest {
                 scene: scene.clone(),
                 machine: machine.clone(),
-                algorithm: Algorithm::Sism,
+                algorithm: Algorithm::default(),
                 fidelity: Fidelity::Cycle,
                 warm_frames: 0,
                 host: HostOptions::default(),

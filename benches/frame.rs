@@ -27,7 +27,7 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use lrbsim::progress::{Progress, Stopwatch};
 use lrbsim::{Algorithm, HostOptions, Machine, RunRequest, inputs, run_frame};
 use lrbsim_isa::program::{StepSource, TaskSource};
-use lrbsim_isa::{Arena, HostSimd, OpCounts, Step, Stream, run_functional};
+use lrbsim_isa::{Arena, HostSimd, OpCounts, Phase, Runner, Step, Stopped, Stream, run_functional};
 use lrbsim_kernels::sism;
 use lrbsim_machine::{Chip, Fidelity, MachineConfig, builtin_machine};
 use lrbsim_workloads::{Adjacency, EyeView, ShadowInput, load_scene};
@@ -175,36 +175,39 @@ fn measure(
     let spec = serde_json::from_str::<MachineConfig>(text)?.validate()?;
     // Both always, so that they are no part of a difference.
     let mut chips = [Chip::new(&spec, Fidelity::Windowed, 1), Chip::new(&spec, Fidelity::Cycle, 1)];
-    let mut arena = Arena::new();
-    let mut program = sism::program(input, &sism::Options::default(), &mut arena);
     let mut cost = Cost { instructions: Some(0), ..Cost::default() };
     let mut stream = Stream::default();
-    for at in &program.phases {
-        for make in &at.steps {
-            if at.id == phase && stage.is_none() {
-                return Ok(cost);
+    let mut has_phase = false;
+    let mut run_step = |at: &'static Phase, step: &Step, arena: &mut Arena| {
+        if at.id != phase && has_phase {
+            return Err(Stopped);
+        }
+        has_phase |= at.id == phase;
+        let Some(stage) = stage.filter(|_| has_phase) else {
+            if has_phase {
+                return Err(Stopped);
             }
-            let step: Step = make(&mut program.state, &mut arena);
-            let Some(stage) = stage.filter(|_| at.id == phase) else {
-                run_functional(&step, &mut arena, simd, 1);
-                continue;
-            };
-            let tasks = (f64::from(step.tasks()) * of_tasks).ceil() as u32;
-            let inner = StepSource::new(&step, &mut arena, simd, 1);
-            let source = FirstTasks { inner, tasks, uops: AtomicU64::new(0) };
-            let mut counts = OpCounts::default();
-            let spent = meter.measure(|| match stage {
-                Stage::Functional => source.inner.count(0..tasks, &mut counts),
-                Stage::Emission => (0..tasks).for_each(|task| source.record(task, &mut stream)),
-                Stage::Windowed => drop(chips[0].run_step(&source)),
-                Stage::Cycle => drop(chips[1].run_step(&source)),
-            });
-            cost.add(source.uops.load(Relaxed) + counts.total(), spent);
-            source.inner.count(tasks..step.tasks(), &mut counts);
-        }
-        if at.id == phase {
-            return Ok(cost);
-        }
+            run_functional(step, arena, simd, 1);
+            return Ok(());
+        };
+        let tasks = (f64::from(step.tasks()) * of_tasks).ceil() as u32;
+        let inner = StepSource::new(step, arena, simd, 1);
+        let source = FirstTasks { inner, tasks, uops: AtomicU64::new(0) };
+        let mut counts = OpCounts::default();
+        let spent = meter.measure(|| match stage {
+            Stage::Functional => source.inner.count(0..tasks, &mut counts),
+            Stage::Emission => (0..tasks).for_each(|task| source.record(task, &mut stream)),
+            Stage::Windowed => drop(chips[0].run_step(&source)),
+            Stage::Cycle => drop(chips[1].run_step(&source)),
+        });
+        cost.add(source.uops.load(Relaxed) + counts.total(), spent);
+        source.inner.count(tasks..step.tasks(), &mut counts);
+        Ok(())
+    };
+    // Stopped after the phase, unless it is the last.
+    let _ = sism::run(input, &mut Runner::new(&mut Arena::new(), &mut run_step));
+    if has_phase {
+        return Ok(cost);
     }
     Err(format!("this frame has no phase `{phase}`").into())
 }
@@ -304,7 +307,7 @@ fn host_threads(scene_name: &str, size: Option<(u32, u32)>) -> Result<(), Error>
     let mut request = RunRequest {
         scene,
         machine: Machine::load(MACHINE, &[])?,
-        algorithm: Algorithm::Sism,
+        algorithm: Algorithm::default(),
         fidelity: Fidelity::Windowed,
         warm_frames: 0,
         host: HostOptions::default(),

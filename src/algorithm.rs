@@ -3,34 +3,63 @@
 use std::fmt;
 use std::str::FromStr;
 
+use lrbsim_isa::options::{self, ChoiceError, Options};
+use lrbsim_isa::{Phase, Runner, Stopped};
+use lrbsim_kernels::method::{METHODS, Method, Shadows};
+use lrbsim_workloads::ShadowInput;
+
 use crate::error::BadInput;
 
-/// A shadow algorithm with its options.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Algorithm {
-    /// Soft irregular shadow mapping in its exact form.
-    #[default]
-    Sism,
+/// A shadow algorithm: a method with its options.
+#[derive(Clone)]
+pub struct Algorithm {
+    method: &'static dyn Method,
+    options: Options,
 }
 
-/// Algorithms that have a name and no kernels yet.
-const PLANNED: [&str; 8] =
-    ["hard", "shadow-map", "pcss", "heidrich", "atty", "penumbra-map", "raytrace", "sintorn"];
-
 impl Algorithm {
+    /// `method`, which need not be one of the shipped [`METHODS`], with the options that `options` gives, `KEY=VALUE,…`, and
+    /// the defaults of all others.
+    pub fn new(method: &'static dyn Method, options: &str) -> Result<Algorithm, BadInput> {
+        Ok(Algorithm { method, options: method.entry().options(options)? })
+    }
+
     /// Name without options, as in the default name of a result folder.
-    pub fn name(self) -> &'static str {
-        match self {
-            Algorithm::Sism => "sism",
+    pub fn name(&self) -> &'static str {
+        self.method.entry().name
+    }
+
+    /// All phases that the algorithm can have, in order.
+    pub fn phases(&self) -> &'static [Phase] {
+        self.method.phases()
+    }
+
+    /// Runs the program of one frame.
+    pub fn run(&self, input: &ShadowInput, runner: &mut Runner<'_>) -> Result<Shadows, Stopped> {
+        self.method.run(&self.options, input, runner)
+    }
+}
+
+/// What runs where users name nothing: the first method with its defaults.
+impl Default for Algorithm {
+    fn default() -> Algorithm {
+        Algorithm::new(METHODS[0], "").expect("defaults are values that options take")
+    }
+}
+
+/// The algorithm with all of its options, as `-a` takes it.
+impl fmt::Display for Algorithm {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.options.to_string() {
+            options if options.is_empty() => f.write_str(self.name()),
+            options => write!(f, "{}:{options}", self.name()),
         }
     }
 }
 
-impl fmt::Display for Algorithm {
+impl fmt::Debug for Algorithm {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Algorithm::Sism => f.write_str("sism:form=exact"),
-        }
+        write!(f, "Algorithm({self})")
     }
 }
 
@@ -38,36 +67,15 @@ impl FromStr for Algorithm {
     type Err = BadInput;
 
     fn from_str(text: &str) -> Result<Algorithm, BadInput> {
-        let (name, options) = text.split_once(':').unwrap_or((text, ""));
-        if PLANNED.contains(&name) {
-            return Err(BadInput::new(format!("algorithm `{name}` is not in this version"))
-                .with_help("this version has `sism`"));
-        }
-        if name != "sism" {
-            return Err(BadInput::new(format!("`{name}` is no algorithm; it must be `sism`")));
-        }
-        for option in options.split(',').filter(|option| !option.is_empty()) {
-            match option.split_once('=') {
-                Some(("form", "exact")) => {}
-                Some(("form", "printed")) | Some(("overlap", "sum")) => {
-                    return Err(BadInput::new(format!(
-                        "`{option}` of algorithm `sism` is not in this version"
-                    ))
-                    .with_help("this version has `sism:form=exact`"));
-                }
-                Some(("form", value)) => {
-                    return Err(BadInput::new(format!(
-                        "`form` of algorithm `sism` is `{value}`; it must be `exact`"
-                    )));
-                }
-                _ => {
-                    return Err(BadInput::new(format!(
-                        "`{option}` is no option of algorithm `sism`; it must be `form=exact`"
-                    )));
-                }
-            }
-        }
-        Ok(Algorithm::Sism)
+        let entries = METHODS.iter().map(|method| method.entry());
+        let (number, options) = options::choose("algorithm", text, entries)?;
+        Ok(Algorithm { method: METHODS[number], options })
+    }
+}
+
+impl From<ChoiceError> for BadInput {
+    fn from(error: ChoiceError) -> BadInput {
+        BadInput::new(error.to_string())
     }
 }
 
@@ -76,23 +84,24 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_shown_can_be_read() {
-        let shown = Algorithm::default().to_string();
-        assert_eq!(shown.parse::<Algorithm>().expect("own text"), Algorithm::default());
-        assert_eq!("sism".parse::<Algorithm>().expect("a name"), Algorithm::default());
-    }
-
-    #[test]
-    fn what_is_planned_says_so() {
-        for text in ["atty", "hard", "sism:form=printed"] {
-            let error = text.parse::<Algorithm>().expect_err("not built");
-            assert!(error.to_string().contains("not in this version"), "{error}");
+    fn every_method_is_read_as_it_is_shown_and_has_phases_of_its_own() {
+        for method in METHODS {
+            let algorithm = Algorithm::new(method, "").expect("defaults");
+            let read = algorithm.to_string().parse::<Algorithm>().expect("own text");
+            assert_eq!(read.to_string(), algorithm.to_string());
+            let mut ids: Vec<&str> = algorithm.phases().iter().map(|phase| phase.id).collect();
+            let count = ids.len();
+            ids.sort_unstable();
+            ids.dedup();
+            assert!(count > 0 && ids.len() == count, "{algorithm}: phases must have ids of their own");
         }
+        assert_eq!(Algorithm::default().to_string(), "sism:form=exact");
+        assert_eq!("sism".parse::<Algorithm>().expect("a name").to_string(), "sism:form=exact");
     }
 
     #[test]
     fn what_is_nothing_is_refused() {
-        for text in ["", "sims", "sism:form=round", "sism:colour=red", "sism:form"] {
+        for text in ["", "sims", "sism:form=round", "sism:colour=red", "sism:form", "atty"] {
             assert!(text.parse::<Algorithm>().is_err(), "{text}");
         }
     }

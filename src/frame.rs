@@ -1,10 +1,10 @@
 //! One frame, from a scene and a machine to a report and a picture.
 
 use lrbsim_isa::host::HostSimd;
-use lrbsim_isa::{Arena, ArenaError, Program};
-use lrbsim_kernels::sism;
+use lrbsim_isa::{Arena, ArenaError, Phase, Runner, Step, Stopped};
+use lrbsim_kernels::method::Shadows;
 use lrbsim_machine::{Fidelity, PhaseCounters};
-use lrbsim_reports::counters::{Clock, PhaseName, phase_reports};
+use lrbsim_reports::counters::{Clock, phase_reports};
 use lrbsim_reports::picture;
 use lrbsim_reports::run::{
     ImageSummary, Provenance, RunReport, SCHEMA_VERSION, SceneSummary, Total, Warning, WarningKind,
@@ -104,15 +104,15 @@ pub fn run_frame(request: &RunRequest, progress: &dyn Progress) -> Result<RunOut
     // The kernels, on the machine.
     let simulation = Stopwatch::start();
     let mut engine = Engine::new(&machine.spec, *fidelity, host.simd, host.threads);
-    let mut simulated = simulate(request.algorithm, &input, &mut engine, progress)?;
+    let mut simulated = simulate(&request.algorithm, &input, &mut engine, progress)?;
     for _ in 0..request.warm_frames {
         // Again from the start, with every array where it was: only the chip remembers.
-        simulated = simulate(request.algorithm, &input, &mut engine, progress)?;
+        simulated = simulate(&request.algorithm, &input, &mut engine, progress)?;
     }
     let simulation_seconds = simulation.elapsed().as_secs_f64();
 
     // What came out.
-    let frame = Frame::new(scene, &eye, &simulated.visibility);
+    let frame = Frame::new(scene, &eye, &simulated.shadows.visibility);
     let report = report(request, &eye, &simulated, &frame);
     let instructions: u64 = report.phases.iter().map(|phase| phase.instructions.total).sum();
     let host = HostReport {
@@ -145,66 +145,61 @@ fn on_host_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> 
 
 /// What a program left behind.
 struct Simulated {
-    phases: Vec<(PhaseName<'static>, PhaseCounters)>,
-    /// Of each phase: cycles in which each core issued; `None` when nothing is timed.
-    core_busy_cycles: Vec<Option<Vec<u64>>>,
-    /// One value a receiver.
-    visibility: Vec<f32>,
-    silhouette_edges: u64,
+    phases: Vec<PhaseCosts>,
+    shadows: Shadows,
 }
 
+/// What a phase cost.
+pub(crate) struct PhaseCosts {
+    /// Which phase.
+    pub(crate) phase: &'static Phase,
+    /// The costs of all its steps.
+    pub(crate) sum: PhaseCounters,
+    /// Cycles in which each core issued; `None` when nothing is timed.
+    pub(crate) core_busy_cycles: Option<Vec<u64>>,
+}
+
+/// Runs the program of a frame in an arena of its own.
 fn simulate(
-    algorithm: Algorithm,
+    algorithm: &Algorithm,
     input: &ShadowInput,
     engine: &mut Engine,
     progress: &dyn Progress,
 ) -> Result<Simulated, BadInput> {
     let mut arena = Arena::reserve().map_err(no_memory)?;
-    match algorithm {
-        Algorithm::Sism => {
-            let options = sism::Options { form: sism::Form::Exact };
-            let mut program = sism::program(input, &options, &mut arena);
-            let (phases, core_busy_cycles) = run_program(&mut program, &mut arena, engine, progress)?;
-            Ok(Simulated {
-                phases,
-                core_busy_cycles,
-                visibility: program.state.visibility(&arena),
-                silhouette_edges: program.state.silhouette_edges(&arena),
-            })
-        }
-    }
-}
-
-/// Counters of each phase, and of each phase the cycles in which each core issued.
-type PhaseCosts = (Vec<(PhaseName<'static>, PhaseCounters)>, Vec<Option<Vec<u64>>>);
-
-/// Runs all steps of a program, phase by phase.
-fn run_program<S>(
-    program: &mut Program<S>,
-    arena: &mut Arena,
-    engine: &mut Engine,
-    progress: &dyn Progress,
-) -> Result<PhaseCosts, BadInput> {
-    let (mut rows, mut busy_rows) = (Vec::new(), Vec::new());
-    for phase in &program.phases {
-        let mut sum = PhaseCounters::default();
-        let mut busy = engine.core_busy_cycles().map(|cores| vec![0; cores.count()]);
-        for make_step in &phase.steps {
-            let step = make_step(&mut program.state, arena);
-            arena.check().map_err(no_memory)?;
+    let mut phases: Vec<PhaseCosts> = Vec::new();
+    let mut refusal = None;
+    let mut run_step = |phase: &'static Phase, step: &Step, arena: &mut Arena| {
+        debug_assert!(algorithm.phases().contains(phase), "`{}` is no phase that studies may name", phase.id);
+        let cost = arena.check().map_err(no_memory).and_then(|()| {
             progress.step(phase.title, step.tasks());
-            let cost = engine.run(&step, arena, progress)?;
-            progress.uops(cost.issued);
-            sum += cost;
-            if let (Some(busy), Some(cores)) = (&mut busy, engine.core_busy_cycles()) {
-                busy.iter_mut().zip(cores).for_each(|(sum, cycles)| *sum += cycles);
+            engine.run(step, arena, progress)
+        });
+        let cost = cost.map_err(|bad| {
+            refusal = Some(bad);
+            Stopped
+        })?;
+        progress.uops(cost.issued);
+        let busy = engine.core_busy_cycles();
+        match phases.last_mut().filter(|last| last.phase == phase) {
+            Some(last) => {
+                last.sum += cost;
+                if let (Some(sums), Some(busy)) = (&mut last.core_busy_cycles, busy) {
+                    sums.iter_mut().zip(busy).for_each(|(sum, cycles)| *sum += cycles);
+                }
+            }
+            None => {
+                phases.push(PhaseCosts { phase, sum: cost, core_busy_cycles: busy.map(Iterator::collect) })
             }
         }
-        let name = PhaseName { id: phase.id, title: phase.title, in_paper_total: phase.in_paper_total };
-        rows.push((name, sum));
-        busy_rows.push(busy);
+        Ok(())
+    };
+    let shadows = algorithm.run(input, &mut Runner::new(&mut arena, &mut run_step));
+    match (shadows, refusal) {
+        (Ok(shadows), None) => Ok(Simulated { phases, shadows }),
+        (_, Some(refusal)) => Err(refusal),
+        (Err(stopped), None) => Err(BadInput::new(stopped.to_string())),
     }
-    Ok((rows, busy_rows))
 }
 
 /// A host that is too small for the frame.
@@ -217,15 +212,15 @@ fn no_memory(error: ArenaError) -> BadInput {
 fn report(request: &RunRequest, eye: &EyeView, simulated: &Simulated, frame: &Frame) -> RunReport {
     let RunRequest { scene, machine, fidelity, .. } = request;
     let timed = *fidelity != Fidelity::Functional;
-    // A point light has no penumbra, so its kernels look for no silhouettes; the scene still has them.
-    let silhouette_edges = match simulated.silhouette_edges {
-        0 => silhouette_edges(&scene.mesh, &Adjacency::new(&scene.mesh), scene.light.center()) as u64,
-        found => found,
-    };
+    // Kernels that look for no silhouettes, as for a point light, count none; the scene still has them.
+    let silhouette_edges = simulated.shadows.silhouette_edges.unwrap_or_else(|| {
+        silhouette_edges(&scene.mesh, &Adjacency::new(&scene.mesh), scene.light.center()) as u64
+    });
     let clock = Clock { clock_ghz: machine.config.clock_ghz, cores: machine.config.cores };
-    let mut phases = phase_reports(&simulated.phases, timed.then_some(clock));
-    for (phase, busy) in phases.iter_mut().zip(&simulated.core_busy_cycles) {
-        phase.core_busy_cycles.clone_from(busy);
+    let sums: Vec<_> = simulated.phases.iter().map(|costs| (costs.phase, costs.sum.clone())).collect();
+    let mut phases = phase_reports(&sums, timed.then_some(clock));
+    for (phase, costs) in phases.iter_mut().zip(&simulated.phases) {
+        phase.core_busy_cycles.clone_from(&costs.core_busy_cycles);
     }
     RunReport {
         schema_version: SCHEMA_VERSION,

@@ -8,7 +8,7 @@
 //! let request = RunRequest {
 //!     scene: lrbsim::inputs::scene("tiny")?,
 //!     machine: Machine::load("larrabee-24", &["cores=8".parse()?])?,
-//!     algorithm: lrbsim::Algorithm::Sism,
+//!     algorithm: lrbsim::Algorithm::default(),
 //!     fidelity: lrbsim_machine::Fidelity::Windowed,
 //!     warm_frames: 0,
 //!     host: HostOptions::default(),

@@ -41,7 +41,7 @@ pub fn spare_inputs<N: AsRef<Path>>(dir: &Path, names: &[N], inputs: &[PathBuf])
 
 /// Default folder of a run: `out/<scene>-<machine>-<algorithm>`, and after it whatever else was `asked` for, such as
 /// `cores=8`: runs that differ can then be compared.
-pub fn default_dir(scene: &str, machine: &str, algorithm: Algorithm, asked: &[String]) -> PathBuf {
+pub fn default_dir(scene: &str, machine: &str, algorithm: &Algorithm, asked: &[String]) -> PathBuf {
     let plain = format!("{scene}-{machine}-{}", algorithm.name());
     let mut name = asked.iter().fold(plain.clone(), |name, asked| format!("{name}-{asked}"));
     if name.len() > NAME_BYTES_MAX {
@@ -97,7 +97,7 @@ mod tests {
     fn a_folder_is_named_after_what_ran() {
         let name = |scene: &str, machine: &str, asked: &[&str]| {
             let asked: Vec<String> = asked.iter().map(|text| (*text).to_owned()).collect();
-            default_dir(scene, machine, Algorithm::Sism, &asked)
+            default_dir(scene, machine, &Algorithm::default(), &asked)
         };
         assert_eq!(name("tiny", "ideal", &[]), Path::new("out/tiny-ideal-sism"));
         assert_eq!(name("../a b", "x/y", &[]), Path::new("out/.._a_b-x_y-sism"));

@@ -4,7 +4,7 @@
 
 use std::path::Path;
 
-use lrbsim_isa::{Arena, Class, HostSimd, OpCounts, run_functional};
+use lrbsim_isa::{Arena, Class, HostSimd, OpCounts, Phase, Runner, Step, run_functional};
 use lrbsim_kernels::sism;
 use lrbsim_workloads::reference::{ErrorMetrics, shadow_rays};
 use lrbsim_workloads::{Adjacency, EyeView, ShadowInput, load_scene};
@@ -20,37 +20,39 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let eye = EyeView::render(&scene.mesh, &scene.camera, width, height);
     let input = ShadowInput::new(&scene, &adjacency, &eye);
 
-    let mut arena = Arena::new();
-    let mut program = sism::program(&input, &sism::Options::default(), &mut arena);
     println!("{name}: {} triangles, {} receivers", input.triangles.len(), input.receivers.len());
-    let start = std::time::Instant::now();
-    let mut total = 0;
-    for phase in &program.phases {
-        let mut counts = OpCounts::default();
-        let phase_start = std::time::Instant::now();
-        let mut tasks = 0;
-        for make in &phase.steps {
-            let step = make(&mut program.state, &mut arena);
-            tasks += step.tasks();
-            counts.add(&run_functional(&step, &mut arena, HostSimd::detect(), 1));
+    let mut phases: Vec<(&Phase, u32, OpCounts, f64)> = Vec::new();
+    let mut run_step = |phase: &'static Phase, step: &Step, arena: &mut Arena| {
+        if phases.last().is_none_or(|(last, ..)| *last != phase) {
+            phases.push((phase, 0, OpCounts::default(), 0.0));
         }
-        total += counts.total();
+        let (_, tasks, counts, seconds) = phases.last_mut().expect("pushed above");
+        let start = std::time::Instant::now();
+        *tasks += step.tasks();
+        counts.add(&run_functional(step, arena, HostSimd::detect(), 1));
+        *seconds += start.elapsed().as_secs_f64();
+        Ok(())
+    };
+    let mut arena = Arena::new();
+    let arrays = sism::run(&input, &mut Runner::new(&mut arena, &mut run_step))?;
+    for (phase, tasks, counts, seconds) in &phases {
         let of = |class: Class| counts.class_counts[class as usize];
         println!(
             "{:12} {tasks:6} tasks {:>12} uops {:6.1} M/s  lanes {:.2}  gathers {} scatters {} atomics {}",
             phase.id,
             counts.total(),
-            counts.total() as f64 / phase_start.elapsed().as_secs_f64() * 1e-6,
+            counts.total() as f64 / seconds * 1e-6,
             counts.lanes_active() as f64 / (counts.lanes_active() + counts.lanes_masked) as f64,
             of(Class::Gather),
             of(Class::Scatter),
             of(Class::Atomic) + of(Class::AtomicGather),
         );
     }
-    let seconds = start.elapsed().as_secs_f64();
-    println!("{total} uops in {seconds:.3} s, {} silhouettes", program.state.silhouette_edges(&arena));
+    let total: u64 = phases.iter().map(|(_, _, counts, _)| counts.total()).sum();
+    let seconds: f64 = phases.iter().map(|(.., seconds)| seconds).sum();
+    println!("{total} uops in {seconds:.3} s, {} silhouettes", arrays.primitives.edge_count);
 
-    let visibility = program.state.visibility(&arena);
+    let visibility = arrays.visibility(&input, &arena);
     let test: Vec<f64> = visibility.iter().map(|&x| f64::from(x)).collect();
     let truth = shadow_rays(&scene.mesh, &scene.light, &eye, number(3, 256));
     println!("{:?}", ErrorMetrics::new(&truth, &test));

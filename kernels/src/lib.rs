@@ -1,6 +1,7 @@
 //! Shadow kernels, written once against the ISA layer and run by every back end.
 //!
 //! ```text
+//! method.rs    what a method is, and the list of all
 //! sism/        soft irregular shadow mapping (Johnson et al. 2009): silhouette, hard, soft, compose
 //! irregular/   what methods with an irregular shadow map share: grid, bin, raster
 //! scene.rs     the geometry of a frame in the arena
@@ -18,4 +19,5 @@ pub mod segment;
 pub mod scan;
 pub mod scene;
 pub mod irregular;
+pub mod method;
 pub mod sism;

@@ -1,24 +1,24 @@
 //! Prefix sums: the middle of count → scan → fill.
 //!
 //! ```text
-//! step 1  blocks    each task: running sums of one block in place, its total to `totals`
-//! step 2  totals    one task: running sums of the totals
-//! step 3  offsets   each task: adds the total of all earlier blocks to one block
+//! step 1  scan blocks   each task: running sums of one block in place, its total to `totals`
+//! step 2  scan totals   one task: running sums of the totals
+//! step 3  scan offsets  each task: adds the total of all earlier blocks to one block
 //! ```
 //!
 //! Sums are exclusive: word `i` becomes the sum of the words before it, and the word after the last holds the total.
 
 #![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
 
-use lrbsim_isa::{Addr, Arena, Compare, Kernel, Step, Vpu};
+use lrbsim_isa::{Addr, Arena, Compare, Kernel, Runner, Step, Stopped, Vpu};
 
 use crate::expression::{int, scalar};
 
 /// Number of words of a block.
 const BLOCK: u32 = 1024;
 
-/// An array to be scanned in place, and the totals of its blocks.
-#[derive(Debug, Clone, Copy, Default)]
+/// An array that is scanned in place, and the totals of its blocks.
+#[derive(Debug, Clone, Copy)]
 pub struct Scan {
     words: Addr,
     totals: Addr,
@@ -37,35 +37,29 @@ impl Scan {
         Scan { words, totals: arena.alloc(padded(u64::from(blocks))), blocks }
     }
 
-    /// Step 1: scans each block.
-    pub fn blocks(self) -> Step {
-        // SAFETY: each task writes the words of its own block and its own total.
-        unsafe {
-            Step::independent(
-                "scan blocks",
-                self.blocks,
-                ScanBlock { words: self.words, totals: self.totals, count: BLOCK },
-            )
-        }
+    /// Scans the array: word `i` becomes the sum of the words before it.
+    pub fn run(self, runner: &mut Runner<'_>) -> Result<(), Stopped> {
+        runner.run(&self.scan_blocks())?;
+        runner.run(&self.scan_totals())?;
+        runner.run(&self.add_offsets())
     }
 
-    /// Step 2: scans the totals.
-    pub fn totals(self) -> Step {
+    fn scan_blocks(self) -> Step {
+        let kernel = ScanBlock { words: self.words, totals: self.totals, count: BLOCK };
+        // SAFETY: each task writes the words of its own block and its own total.
+        unsafe { Step::independent("scan blocks", self.blocks, kernel) }
+    }
+
+    fn scan_totals(self) -> Step {
         let count = self.blocks.next_multiple_of(16);
         let after = self.totals.plus_words(u64::from(count));
         Step::ordered("scan totals", 1, ScanBlock { words: self.totals, totals: after, count })
     }
 
-    /// Step 3: adds the totals of earlier blocks.
-    pub fn offsets(self) -> Step {
+    fn add_offsets(self) -> Step {
+        let kernel = AddOffset { words: self.words, totals: self.totals };
         // SAFETY: each task writes the words of its own block; totals are only read.
-        unsafe {
-            Step::independent(
-                "scan offsets",
-                self.blocks,
-                AddOffset { words: self.words, totals: self.totals },
-            )
-        }
+        unsafe { Step::independent("scan offsets", self.blocks, kernel) }
     }
 }
 
@@ -141,7 +135,7 @@ impl Kernel for AddOffset {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use lrbsim_isa::{HostSimd, run_functional};
+    use lrbsim_isa::{HostSimd, Phase, run_functional};
 
     #[test]
     fn a_scan_equals_the_running_sum() {
@@ -151,9 +145,13 @@ mod tests {
             let words = arena.alloc(padded(count));
             arena.write_u32s(words, &values);
             let scan = Scan::new(&mut arena, words, count);
-            for step in [scan.blocks(), scan.totals(), scan.offsets()] {
-                run_functional(&step, &mut arena, HostSimd::detect(), 2);
-            }
+            let mut run_step = |_: &Phase, step: &Step, arena: &mut Arena| {
+                run_functional(step, arena, HostSimd::detect(), 2);
+                Ok(())
+            };
+            let mut runner = Runner::new(&mut arena, &mut run_step);
+            runner.phase(&Phase { id: "scan", title: "prefix sum", in_paper_total: false });
+            scan.run(&mut runner).expect("nothing stops it");
             let mut sum = 0;
             for (i, value) in values.iter().enumerate() {
                 assert_eq!(arena.read_u32(words.plus_words(i as u64)), sum, "word {i} of {count}");

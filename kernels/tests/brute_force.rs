@@ -221,7 +221,7 @@ fn receivers_on_the_borders_of_cells_are_the_same() {
     let mut input = input(mesh, sphere(0.05), &receivers);
     let run = agree("before", &input);
     // Move three of four receivers to where cells meet, all on one depth that is a power of two.
-    let grid = run.frame.grid.faces.grids()[0];
+    let grid = run.arrays.grid.faces.grids()[0];
     for (i, p) in input.receivers.iter_mut().enumerate() {
         let old = *p;
         *p = [0.5 * old[0] / old[2], 0.5 * old[1] / old[2], 0.5];

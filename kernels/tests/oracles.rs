@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use common::{
     Lanewise, On, Run, back_ends, cases, evaluate, input, input_of_prepared, numbers, oracles, polygons, vec3,
 };
-use lrbsim_isa::{Arena, HostSimd, Vpu, math};
+use lrbsim_isa::{HostSimd, Vpu, math};
 use lrbsim_kernels::field;
 use lrbsim_kernels::irregular::primitives::TriangleRecord;
 use lrbsim_kernels::irregular::touch::wedge_start;
@@ -15,7 +15,6 @@ use lrbsim_kernels::light::{Disc, View, footprint_radius};
 use lrbsim_kernels::plane::PLANE_SLACK;
 use lrbsim_kernels::record::Field;
 use lrbsim_kernels::segment::segment;
-use lrbsim_kernels::sism;
 use lrbsim_kernels::sism::compose::visible;
 use lrbsim_kernels::sism::soft::{fixed, rounding_offset};
 use lrbsim_workloads::glam::{DVec2, DVec3};
@@ -248,7 +247,7 @@ fn the_hard_test_agrees() {
 fn plane_of_record(input: &ShadowInput) -> [f64; 4] {
     let run = Run::new(input, On::Host(HostSimd::detect(), 1));
     let read = |field: Field<TriangleRecord, f32>| {
-        f64::from(run.arena.read_f32(run.frame.primitives.triangles.field(field)))
+        f64::from(run.arena.read_f32(run.arrays.primitives.triangles.field(field)))
     };
     let [x, y, z] = [0, 1, 2].map(|axis| read(field!(TriangleRecord.normal[axis])));
     [x, y, z, read(field!(TriangleRecord.plane))]
@@ -410,13 +409,5 @@ fn a_program_without_receivers_or_triangles_runs() {
     empty.receivers.clear();
     empty.receiver_triangle.clear();
     empty.receiver_pixel.clear();
-    let mut arena = Arena::new();
-    let mut program = sism::program(&empty, &sism::Options::default(), &mut arena);
-    for phase in &program.phases {
-        for make in &phase.steps {
-            let step = make(&mut program.state, &mut arena);
-            common::run_step(&step, &mut arena, On::Host(HostSimd::detect(), 1));
-        }
-    }
-    assert!(program.state.visibility(&arena).is_empty());
+    assert!(Run::new(&empty, On::Host(HostSimd::detect(), 1)).visibility().is_empty());
 }

@@ -2,21 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use lrbsim_isa::Class;
+use lrbsim_isa::{Class, Phase};
 use lrbsim_machine::PhaseCounters;
 
 use crate::run::{Instructions, Lanes, PhaseReport, milliseconds, ratio};
-
-/// What a phase is called, apart from what it cost.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct PhaseName<'a> {
-    /// Stable name.
-    pub id: &'a str,
-    /// Title for people.
-    pub title: &'a str,
-    /// Whether the published totals contain this phase.
-    pub in_paper_total: bool,
-}
 
 /// The machine side of a timed run.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -28,13 +17,13 @@ pub struct Clock {
 }
 
 /// The rows of a report, with shares of the whole frame. `clock` is `None` when nothing was timed.
-pub fn phase_reports(phases: &[(PhaseName<'_>, PhaseCounters)], clock: Option<Clock>) -> Vec<PhaseReport> {
+pub fn phase_reports(phases: &[(&Phase, PhaseCounters)], clock: Option<Clock>) -> Vec<PhaseReport> {
     let frame_cycles: u64 = phases.iter().map(|(_, counters)| counters.cycles).sum();
-    phases.iter().map(|(name, counters)| phase_report(*name, counters, clock, frame_cycles)).collect()
+    phases.iter().map(|(phase, counters)| phase_report(phase, counters, clock, frame_cycles)).collect()
 }
 
 fn phase_report(
-    name: PhaseName<'_>,
+    phase: &Phase,
     counters: &PhaseCounters,
     clock: Option<Clock>,
     frame_cycles: u64,
@@ -42,9 +31,9 @@ fn phase_report(
     let cycles = counters.cycles;
     let instructions = instructions(&counters.class_counts);
     PhaseReport {
-        id: name.id.to_owned(),
-        title: name.title.to_owned(),
-        in_paper_total: name.in_paper_total,
+        id: phase.id.to_owned(),
+        title: phase.title.to_owned(),
+        in_paper_total: phase.in_paper_total,
         steps: counters.steps,
         tasks: counters.tasks,
         cycles: clock.map(|_| cycles),
@@ -106,7 +95,7 @@ fn instructions(class_counts: &[u64; Class::COUNT]) -> Instructions {
 mod tests {
     use super::*;
 
-    const NAME: PhaseName<'_> = PhaseName { id: "x", title: "x", in_paper_total: true };
+    const PHASE: Phase = Phase { id: "x", title: "x", in_paper_total: true };
     const CLOCK: Clock = Clock { clock_ghz: 2.0, cores: 2 };
 
     #[test]
@@ -137,19 +126,19 @@ mod tests {
         let mut counters = PhaseCounters { cycles: 100, ..PhaseCounters::default() };
         counters.class_counts[Class::VectorFma as usize] = 50;
         let other = PhaseCounters { cycles: 300, ..PhaseCounters::default() };
-        let rows = phase_reports(&[(NAME, counters), (NAME, other)], Some(CLOCK));
+        let rows = phase_reports(&[(&PHASE, counters), (&PHASE, other)], Some(CLOCK));
         assert_eq!((rows[0].ipc, rows[0].share, rows[0].ms), (Some(0.25), Some(0.25), Some(5e-5)));
     }
 
     #[test]
     fn without_a_clock_nothing_is_timed() {
-        let rows = phase_reports(&[(NAME, PhaseCounters::default())], None);
+        let rows = phase_reports(&[(&PHASE, PhaseCounters::default())], None);
         assert_eq!((rows[0].cycles, rows[0].ipc, rows[0].l1d, rows[0].cycle_stack), (None, None, None, None));
     }
 
     #[test]
     fn a_phase_of_no_cycles_has_no_rates() {
-        let rows = phase_reports(&[(NAME, PhaseCounters::default())], Some(CLOCK));
+        let rows = phase_reports(&[(&PHASE, PhaseCounters::default())], Some(CLOCK));
         assert_eq!((rows[0].cycles, rows[0].ipc, rows[0].share), (Some(0), None, None));
     }
 }

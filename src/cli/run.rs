@@ -108,7 +108,7 @@ pub(crate) fn run(args: &RunArgs, out: &mut impl Write) -> Result<(), Failure> {
     }
     let target = match &args.out {
         Some(target) => target.clone(),
-        None => results::default_dir(&scene.name, &machine.config.name, algorithm, &asked(args)),
+        None => results::default_dir(&scene.name, &machine.config.name, &algorithm, &asked(args)),
     };
     let mut files_read = name.files(&scene);
     files_read.extend(inputs::machine_file(&args.machine));

@@ -151,7 +151,7 @@ mod tests {
         let request = RunRequest {
             scene: crate::inputs::scene("tiny").expect("shipped"),
             machine: Machine::load("larrabee-24", &[]).expect("shipped"),
-            algorithm: crate::Algorithm::Sism,
+            algorithm: crate::Algorithm::default(),
             fidelity: lrbsim_machine::Fidelity::Functional,
             warm_frames: 0,
             host: HostOptions::default(),

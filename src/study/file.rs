@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use lrbsim_kernels::sism;
+use lrbsim_kernels::method::METHODS;
 use lrbsim_machine::Fidelity;
 use lrbsim_reports::dictionary;
 use lrbsim_reports::study::{AnalysisKind, Draw, Sampling, StudyAxis, StudyFile};
@@ -180,7 +180,8 @@ fn try_axis(base: &Recipe, axis: &StudyAxis) -> (bool, Result<(), Misfit>) {
 
 /// What is measured, shown and drawn has to be in reports: found out here and not after hours.
 fn check_numbers(file: &StudyFile, at: &dyn Fn(BadInput, &str, &str) -> BadInput) -> Result<(), BadInput> {
-    let known = dictionary::paths(&sism::PHASES);
+    let ids: Vec<&str> = METHODS.iter().flat_map(|method| method.phases()).map(|phase| phase.id).collect();
+    let known = dictionary::paths(&ids);
     let check = |path: &str, place: &str, also: &[String]| {
         let fits = |known: &String| match known.strip_suffix('*') {
             Some(group) => {

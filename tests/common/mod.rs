@@ -103,7 +103,7 @@ pub fn request(scene: &str) -> RunRequest {
     RunRequest {
         scene: inputs::scene(scene).expect("a sound scene"),
         machine: machine(&[]),
-        algorithm: Algorithm::Sism,
+        algorithm: Algorithm::default(),
         fidelity: Fidelity::Windowed,
         warm_frames: 0,
         host: HostOptions::default(),

@@ -4,7 +4,7 @@
 
 #![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
 
-use lrbsim_isa::{Addr, Arena, Compare, Kernel, Step, Vpu};
+use lrbsim_isa::{Addr, Compare, Kernel, Runner, Step, Stopped, Vpu};
 
 use super::CHILDREN;
 use super::grid::Grid;
@@ -19,8 +19,8 @@ use crate::record::Record;
 /// Number of triangles or edges that a task handles.
 const TASK: u32 = 64;
 
-/// The primitives of each bin; filled by the phase `bin`.
-#[derive(Clone, Copy, Default)]
+/// The primitives of each bin.
+#[derive(Clone, Copy)]
 pub struct Bins {
     /// Lists of the bins by [`Kind`].
     pub lists: Lists,
@@ -28,21 +28,21 @@ pub struct Bins {
     pub(super) items: Addr,
 }
 
-/// Counts the primitives that each bin gets.
-pub fn count(bins: &mut Bins, primitives: &Primitives, grid: &Grid, arena: &mut Arena) -> Step {
-    let tasks = task_counts(primitives).iter().sum();
-    let bin_count = grid.faces.bin_count;
-    bins.lists = Lists::new(arena, 2 * bin_count, tasks, bin_count);
-    Step::ordered("bin counts", tasks, Bin::new(bins, primitives, grid, false))
-}
+impl Bins {
+    /// Puts the primitives into bins: counts what each bin gets, then writes it.
+    pub fn build(primitives: &Primitives, grid: &Grid, runner: &mut Runner<'_>) -> Result<Bins, Stopped> {
+        let tasks = task_counts(primitives).iter().sum();
+        let bin_count = grid.faces.bin_count;
+        let lists = Lists::new(runner.arena, 2 * bin_count, tasks, bin_count);
+        let bin = |items| Bin { lists, items, primitives: *primitives, grid: *grid };
+        runner.run(&Step::ordered("bin counts", tasks, bin(None)))?;
 
-/// Writes the primitives of each bin.
-pub fn fill(bins: &mut Bins, primitives: &Primitives, grid: &Grid, arena: &mut Arena) -> Step {
-    let items = bins.lists.items(arena, 2 * grid.faces.bin_count);
-    bins.items = arena.alloc(u64::from(items));
-    let tasks = task_counts(primitives).iter().sum();
-    // SAFETY: each task writes its own table, and items to places that it has taken in `count`.
-    unsafe { Step::independent("bin lists", tasks, Bin::new(bins, primitives, grid, true)) }
+        let items = lists.sum(runner)?;
+        let items = runner.arena.alloc(u64::from(items));
+        // SAFETY: each task writes its own table, and items to places that it has taken in `bin counts`.
+        runner.run(&unsafe { Step::independent("bin lists", tasks, bin(Some(items))) })?;
+        Ok(Bins { lists, items })
+    }
 }
 
 /// Tasks of the triangles and of the edges. A point light has no silhouettes.
@@ -50,11 +50,13 @@ fn task_counts(primitives: &Primitives) -> [u32; 2] {
     [primitives.triangle_count.div_ceil(TASK), primitives.edge_count.div_ceil(TASK)]
 }
 
+/// Counts or writes the primitives of the bins.
 struct Bin {
-    bins: Bins,
+    lists: Lists,
+    /// Where the lists are written; `None` where they are counted.
+    items: Option<Addr>,
     primitives: Primitives,
     grid: Grid,
-    fill: bool,
 }
 
 impl Kernel for Bin {
@@ -62,7 +64,7 @@ impl Kernel for Bin {
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
         let primitives = &self.primitives;
         let triangle_tasks = v.s_imm(task_counts(primitives)[Kind::Triangles as usize] as i32);
-        let table = self.bins.lists.table(v, task);
+        let table = self.lists.table(v, task);
         let kind = if v.branch(Compare::Less, task, triangle_tasks) {
             let (mut i, end) = task_range(v, task, TASK, primitives.triangle_count);
             let none = v.s_imm(0);
@@ -88,18 +90,14 @@ impl Kernel for Bin {
             }
             Kind::Edges
         };
-        if !self.fill {
+        if self.items.is_none() {
             let first_list = self.first_list(v, kind);
-            self.bins.lists.publish(v, table, first_list);
+            self.lists.publish(v, table, first_list);
         }
     }
 }
 
 impl Bin {
-    fn new(bins: &Bins, primitives: &Primitives, grid: &Grid, fill: bool) -> Bin {
-        Bin { bins: *bins, primitives: *primitives, grid: *grid, fill }
-    }
-
     /// The list of bin 0 for primitives of `kind`.
     #[inline(always)]
     fn first_list<V: Vpu>(&self, v: &mut V, kind: Kind) -> V::S32 {
@@ -118,7 +116,7 @@ impl Bin {
         table: V::S32,
         kind: Kind,
     ) {
-        let lists = &self.bins.lists;
+        let Bin { lists, items, .. } = self;
         let nodes = &self.grid.nodes;
         let none = v.s_imm(0);
         for grid in self.grid.faces.grids() {
@@ -140,12 +138,12 @@ impl Bin {
                     let (touched, _) = primitive.touch(v, nodes.bins, first_bin);
                     if v.branch_any(touched) {
                         let at = scalar!(v, table + first_bin);
-                        if self.fill {
+                        if let Some(items) = *items {
                             let first_list = self.first_list(v, kind);
                             let list = scalar!(v, first_list + first_bin);
                             let to = lists.place(v, touched, at, list);
                             let number = v.vsplat(number);
-                            v.vscatter_i32(touched, self.bins.items, to, number);
+                            v.vscatter_i32(touched, items, to, number);
                         } else {
                             lists.add(v, touched, at);
                         }

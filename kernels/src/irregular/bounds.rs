@@ -2,10 +2,9 @@
 
 #![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
 
-use lrbsim_isa::{Addr, Arena, Compare, Kernel, Step, Vpu, math};
+use lrbsim_isa::{Arena, Compare, Kernel, Runner, Step, Stopped, Vpu, math};
 
 use super::faces::{Constants, load_positions, project};
-use super::grid::Grid;
 use super::receivers::Receivers;
 use super::{FACES, FAR};
 use crate::columns::{lanes_below, task_range};
@@ -35,17 +34,6 @@ struct LaneBounds {
 /// Line bounds of faces that a task of `face bounds` asks for ahead.
 const AHEAD: u64 = 8;
 
-/// Bounds of the receivers.
-#[derive(Clone, Copy, Default)]
-pub(super) struct Bounds {
-    /// Lane by lane, by task.
-    of_lanes: Records<LaneBounds>,
-    /// By face and task.
-    of_tasks: Records<FaceBounds>,
-    /// By face.
-    of_faces: Records<FaceBounds>,
-}
-
 /// What the host reads of a face's bounds.
 pub(super) struct Extent {
     /// Number of receivers.
@@ -56,64 +44,50 @@ pub(super) struct Extent {
     pub(super) high: [f32; 3],
 }
 
-impl Bounds {
-    /// The bounds of all receivers of `face`; `None` if it sees none.
-    pub(super) fn read(&self, arena: &Arena, face: u32) -> Option<Extent> {
-        let count = arena.read_u32(self.of_faces.host(face, field!(FaceBounds.count)));
-        let least = |bound: usize| arena.read_f32(self.of_faces.host(face, field!(FaceBounds.least[bound])));
+/// The bounds of all receivers by face; `None` for a face that sees none.
+pub(super) fn find(
+    receivers: &Receivers,
+    runner: &mut Runner<'_>,
+) -> Result<[Option<Extent>; FACES as usize], Stopped> {
+    let tasks = receivers.tasks();
+    let of_lanes = Records::new(runner.arena, u64::from(tasks));
+    let of_tasks = Records::new(runner.arena, u64::from(FACES * tasks));
+    let of_faces = Records::new(runner.arena, u64::from(FACES));
+    // SAFETY: each task writes its own table of lanes and, of each face, its own line.
+    runner.run(&unsafe {
+        Step::independent("receiver bounds", tasks, TaskBounds { receivers: *receivers, of_lanes, of_tasks })
+    })?;
+    // SAFETY: each task writes the line of its own face, and reads the bounds of tasks only.
+    runner
+        .run(&unsafe { Step::independent("face bounds", FACES, AllBounds { tasks, of_tasks, of_faces }) })?;
+    Ok([0, 1, 2, 3, 4, 5].map(|face| Extent::read(runner.arena, of_faces, face)))
+}
+
+impl Extent {
+    /// The bounds that stand in record `face`; `None` if they are of no receiver.
+    fn read(arena: &Arena, of_faces: Records<FaceBounds>, face: u32) -> Option<Extent> {
+        let count = arena.read_u32(of_faces.host(face, field!(FaceBounds.count)));
+        let least = |bound: usize| arena.read_f32(of_faces.host(face, field!(FaceBounds.least[bound])));
         (count > 0).then(|| Extent {
             count,
             low: [least(0), least(2), least(4)],
             high: [-least(1), -least(3), -least(5)],
         })
     }
-
-    /// Where the bounds of `face` by task begin.
-    #[inline(always)]
-    fn of_tasks(&self, face: usize, tasks: u32) -> Addr {
-        self.of_tasks.host(face as u32 * tasks, field!(FaceBounds.least))
-    }
 }
 
-/// Bounds of the receivers of each task, by face.
-pub fn of_tasks(grid: &mut Grid, arena: &mut Arena) -> Step {
-    let tasks = grid.receivers.tasks();
-    grid.bounds = Bounds {
-        of_lanes: Records::new(arena, u64::from(tasks)),
-        of_tasks: Records::new(arena, u64::from(FACES * tasks)),
-        of_faces: Records::new(arena, u64::from(FACES)),
-    };
-    // SAFETY: each task writes its own table of lanes and, of each face, its own line.
-    unsafe {
-        Step::independent(
-            "receiver bounds",
-            tasks,
-            TaskBounds { receivers: grid.receivers, bounds: grid.bounds },
-        )
-    }
-}
-
-/// Bounds of all receivers, by face.
-pub fn of_faces(grid: &Grid) -> Step {
-    // SAFETY: each task writes the line of its own face, and reads the bounds of tasks only.
-    unsafe {
-        Step::independent(
-            "face bounds",
-            FACES,
-            AllBounds { tasks: grid.receivers.tasks(), bounds: grid.bounds },
-        )
-    }
-}
-
+/// Finds the bounds of the receivers of each task, by face.
 struct TaskBounds {
     receivers: Receivers,
-    bounds: Bounds,
+    /// Bounds lane by lane, by task.
+    of_lanes: Records<LaneBounds>,
+    /// Bounds by face and task.
+    of_tasks: Records<FaceBounds>,
 }
 
 impl Kernel for TaskBounds {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
-        let bounds = &self.bounds;
         let (mut i, end) = task_range(v, task, Receivers::TASK, self.receivers.count);
         let table = scalar!(v, task * { words::<LaneBounds>() as i32 });
         let all = v.mask_all();
@@ -122,8 +96,7 @@ impl Kernel for TaskBounds {
         let far = v.vset_f32(FAR);
         let none = v.s_imm(0);
         let mut counts = [none; FACES as usize];
-        let of_lanes =
-            |face: usize, bound: usize| bounds.of_lanes.field(field!(LaneBounds.least[face][bound]));
+        let of_lanes = |face: usize, bound: usize| self.of_lanes.field(field!(LaneBounds.least[face][bound]));
         while v.branch(Compare::Less, i, end) {
             let live = lanes_below(v, i, end);
             let p = load_positions(v, &constants, self.receivers.columns, live, i);
@@ -157,7 +130,7 @@ impl Kernel for TaskBounds {
             if !v.branch(Compare::Less, none, count) {
                 continue;
             }
-            let of_task = bounds.of_tasks(f, self.receivers.tasks());
+            let of_task = self.of_tasks.host(f as u32 * self.receivers.tasks(), field!(FaceBounds.least));
             for bound in 0..BOUNDS {
                 let least = v.vload_f32(of_lanes(f, bound), table);
                 let least = math::reduce_min(v, least);
@@ -170,16 +143,18 @@ impl Kernel for TaskBounds {
     }
 }
 
+/// Finds the bounds of all receivers, by face.
 struct AllBounds {
     tasks: u32,
-    bounds: Bounds,
+    of_tasks: Records<FaceBounds>,
+    of_faces: Records<FaceBounds>,
 }
 
 impl Kernel for AllBounds {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, face: V::S32) {
         let line = words::<FaceBounds>() as i32;
-        let of_tasks = self.bounds.of_tasks;
+        let AllBounds { of_tasks, of_faces, .. } = self;
         let none = v.s_imm(0);
         let all = v.mask_all();
         let mut i = scalar!(v, face * { line * self.tasks as i32 });
@@ -196,7 +171,6 @@ impl Kernel for AllBounds {
             }
             i = scalar!(v, i + { line });
         }
-        let of_faces = self.bounds.of_faces;
         let to = scalar!(v, face * { line });
         v.vstore_f32(all, of_faces.field(field!(FaceBounds.least)), to, least);
         v.s_store(of_faces.field(field!(FaceBounds.count)), to, count);

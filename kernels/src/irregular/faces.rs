@@ -2,7 +2,7 @@
 
 use lrbsim_isa::{Arena, Vpu, math};
 
-use super::bounds::{Bounds, Extent};
+use super::bounds::Extent;
 use super::receivers::Receiver;
 use super::{BIN_CELLS, CHILDREN, FACES, SLICES};
 use crate::columns::Columns;
@@ -103,11 +103,11 @@ pub struct Faces {
 impl Faces {
     /// Sizes the grids by the bounds of their receivers and writes the constants of faces and bins, untimed: the
     /// descriptors that a driver would set up.
-    pub(super) fn new(arena: &mut Arena, bounds: &Bounds) -> Faces {
+    pub(super) fn new(arena: &mut Arena, bounds: &[Option<Extent>; FACES as usize]) -> Faces {
         let mut faces = Faces::default();
-        for face in 0..FACES {
-            if let Some(bounds) = bounds.read(arena, face) {
-                let grid = FaceGrid::new(face, &bounds, faces.bin_count);
+        for (face, bounds) in (0..FACES).zip(bounds) {
+            if let Some(bounds) = bounds {
+                let grid = FaceGrid::new(face, bounds, faces.bin_count);
                 faces.bin_count += grid.bins_padded();
                 faces.grids[faces.count as usize] = grid;
                 faces.count += 1;

@@ -8,10 +8,10 @@
 
 #![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
 
-use lrbsim_isa::{Addr, Arena, Step, Vpu};
+use lrbsim_isa::{Addr, Runner, Step, Stopped, Vpu};
 
 use super::SLICES;
-use super::bounds::Bounds;
+use super::bounds;
 use super::faces::Faces;
 use super::nodes::Nodes;
 use super::receivers::Receivers;
@@ -30,21 +30,15 @@ pub struct Sample {
     pub receiver: u32,
 }
 
-/// The grid of a frame; filled by the steps of the phase `grid`, in the order of its fields.
+/// The grid of a frame.
 #[derive(Clone, Copy)]
 pub struct Grid {
     /// The receivers that the cells hold.
     pub receivers: Receivers,
-    /// Bounds of the receivers by face.
-    pub(super) bounds: Bounds,
     /// Faces that see receivers, and their bins.
     pub faces: Faces,
     /// First sample of each key; one more than there are keys.
     pub key_starts: Addr,
-    /// The prefix sum of the keys.
-    pub scan: Scan,
-    /// Receivers of one key that follow one another.
-    pub(super) streaks: Streaks,
     /// Receivers in the order of their keys, field by field.
     pub samples: Columns<Sample>,
     /// The hierarchy over the samples.
@@ -52,46 +46,50 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// The grid of `receivers`, of which nothing is known yet.
-    pub fn new(receivers: Receivers) -> Grid {
-        Grid {
-            receivers,
-            bounds: Bounds::default(),
-            faces: Faces::default(),
-            key_starts: Addr(0),
-            scan: Scan::default(),
-            streaks: Streaks::default(),
-            samples: Columns::default(),
-            nodes: Nodes::default(),
-        }
+    /// Puts the receivers into cells: sizes the grids by their bounds, counts the receivers of each key, and moves them to
+    /// their places.
+    pub fn build(receivers: Receivers, runner: &mut Runner<'_>) -> Result<Grid, Stopped> {
+        let bounds = bounds::find(&receivers, runner)?;
+        let faces = Faces::new(runner.arena, &bounds);
+
+        let keys = u64::from(faces.cell_count() * SLICES);
+        let key_starts = runner.arena.alloc(scan::padded(keys));
+        let scan = Scan::new(runner.arena, key_starts, keys);
+        let streaks = Streaks::new(runner.arena, &receivers);
+        let histogram = Histogram { receivers, faces, streaks, key_starts };
+        runner.run(&Step::ordered("histogram", receivers.tasks(), histogram))?;
+        scan.run(runner)?;
+
+        let samples = Columns::new(runner.arena, receivers.count);
+        let scatter = Scatter { receivers, streaks, key_starts, samples };
+        // SAFETY: each task writes the offsets of its own streaks; every receiver has a place of its own among the samples.
+        runner.run(&unsafe { Step::independent("scatter", receivers.tasks(), scatter) })?;
+
+        let nodes = Nodes::build(&faces, key_starts, samples, runner)?;
+        Ok(Grid { receivers, faces, key_starts, samples, nodes })
     }
 
     /// The first samples of the keys after `cells` cells more: where a cell's samples begin, for the word `cell << 2`.
     #[inline(always)]
     pub const fn cell_starts(&self, cells: u32) -> Addr {
-        self.key_starts.plus_words((cells * SLICES) as u64)
+        cell_starts(self.key_starts, cells)
     }
 
     /// Words from the first column of samples to the one that holds their depths on `face`, but for the sign.
     #[inline(always)]
     pub fn depths_of_face<V: Vpu>(&self, v: &mut V, face: V::S32) -> V::S32 {
-        scalar!(v, (face >> 1) * { self.samples.stride() as i32 })
+        depths_of_face(v, self.samples, face)
     }
 }
 
-/// Sizes the grids, then counts the receivers of each key.
-pub fn count(grid: &mut Grid, arena: &mut Arena) -> Step {
-    grid.faces = Faces::new(arena, &grid.bounds);
-    let keys = u64::from(grid.faces.cell_count() * SLICES);
-    grid.key_starts = arena.alloc(scan::padded(keys));
-    grid.scan = Scan::new(arena, grid.key_starts, keys);
-    grid.streaks = Streaks::new(arena, &grid.receivers);
-    Step::ordered("histogram", grid.receivers.tasks(), Histogram(*grid))
+/// What [`Grid::cell_starts`] is, of keys that begin at `key_starts`.
+#[inline(always)]
+pub(super) const fn cell_starts(key_starts: Addr, cells: u32) -> Addr {
+    key_starts.plus_words((cells * SLICES) as u64)
 }
 
-/// Moves the receivers to their places among the samples.
-pub fn scatter(grid: &mut Grid, arena: &mut Arena) -> Step {
-    grid.samples = Columns::new(arena, grid.receivers.count);
-    // SAFETY: each task writes the offsets of its own streaks; every receiver has a place of its own among the samples.
-    unsafe { Step::independent("scatter", grid.receivers.tasks(), Scatter(*grid)) }
+/// What [`Grid::depths_of_face`] is, of `samples`.
+#[inline(always)]
+pub(super) fn depths_of_face<V: Vpu>(v: &mut V, samples: Columns<Sample>, face: V::S32) -> V::S32 {
+    scalar!(v, (face >> 1) * { samples.stride() as i32 })
 }

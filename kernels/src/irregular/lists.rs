@@ -4,18 +4,20 @@
 //! table keeps what the atomics returned. `fill` then knows the place of everything and needs no atomics: lists that all
 //! tasks add to would otherwise wander between the cores at every primitive.
 
-use lrbsim_isa::{Addr, Arena, Compare, Vpu};
+use lrbsim_isa::{Addr, Arena, Compare, Runner, Stopped, Vpu};
 
 use crate::expression::{int, scalar};
 use crate::scan::{self, Scan};
 
 /// Lists that the tasks of two steps fill: one that counts, one that writes.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy)]
 pub struct Lists {
-    /// First item of each list; one more than there are lists.
+    /// Lengths of the lists while they are counted, then the first item of each; one more than there are lists.
     pub starts: Addr,
+    /// Number of lists.
+    count: u32,
     /// The prefix sum of their lengths.
-    pub scan: Scan,
+    scan: Scan,
     /// Tables of the tasks: number of items so far, for each list that a task can add to.
     tables: Addr,
     /// Words of a table, whole vectors.
@@ -26,15 +28,17 @@ impl Lists {
     /// Room for `lists` lists and for the tables of `tasks` tasks, which add to at most `words` of them each, a multiple
     /// of 16.
     pub fn new(arena: &mut Arena, lists: u32, tasks: u32, words: u32) -> Lists {
-        let lists = u64::from(lists);
-        let starts = arena.alloc(scan::padded(lists));
-        let scan = Scan::new(arena, starts, lists);
-        Lists { starts, scan, tables: arena.alloc(u64::from(tasks) * u64::from(words)), words }
+        let count = u64::from(lists);
+        let starts = arena.alloc(scan::padded(count));
+        let scan = Scan::new(arena, starts, count);
+        let tables = arena.alloc(u64::from(tasks) * u64::from(words));
+        Lists { starts, count: lists, scan, tables, words }
     }
 
-    /// Items of the first `lists` lists, once the lengths are summed.
-    pub fn items(&self, arena: &Arena, lists: u32) -> u32 {
-        arena.read_u32(self.starts.plus_words(u64::from(lists)))
+    /// Sums the lengths of the lists, once they are counted, to where each begins; how many items all have.
+    pub fn sum(&self, runner: &mut Runner<'_>) -> Result<u32, Stopped> {
+        self.scan.run(runner)?;
+        Ok(runner.arena.read_u32(self.starts.plus_words(u64::from(self.count))))
     }
 
     /// First word of the table of a task.

@@ -2,10 +2,10 @@
 
 #![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
 
-use lrbsim_isa::{Arena, Compare, Kernel, Step, Vpu, math};
+use lrbsim_isa::{Addr, Compare, Kernel, Runner, Step, Stopped, Vpu, math};
 
 use super::faces::{BinPlace, FaceParameters, Faces};
-use super::grid::{Grid, Sample};
+use super::grid::{Sample, cell_starts, depths_of_face};
 use super::{CHILDREN, FAR};
 use crate::columns::{Columns, lanes_below, task_range};
 use crate::expression::{each, int, scalar};
@@ -26,7 +26,7 @@ pub struct Node {
 }
 
 /// The hierarchy over the samples: 16 children follow one another, those of parent `i` from `16 i` on.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy)]
 pub struct Nodes {
     /// Cells of all bins.
     pub cells: Columns<Node>,
@@ -44,32 +44,30 @@ const BLOCKS: u32 = 4;
 /// Vectors of samples that `cell depths` asks for ahead: it does little with each.
 const AHEAD: u64 = 4;
 
-/// Rectangles and depths of the cells, from the samples.
-pub fn cells(grid: &mut Grid, arena: &mut Arena) -> Step {
-    let faces = &grid.faces;
-    grid.nodes = Nodes {
-        cells: Columns::new(arena, faces.cell_count()),
-        blocks: Columns::new(arena, faces.block_count()),
-        bins: Columns::new(arena, faces.bin_count),
-        groups: Columns::new(arena, (faces.bin_count / CHILDREN).next_multiple_of(16) + 16),
-    };
-    // SAFETY: each task writes the cells of its own blocks.
-    unsafe { Step::independent("cell depths", grid.faces.block_count() / BLOCKS, Cells { grid: *grid }) }
-}
-
-/// Rectangles and depths of blocks and bins, from the cells.
-pub fn bins(grid: &Grid) -> Step {
-    // SAFETY: each task writes its own bin and the blocks of that.
-    unsafe {
-        Step::independent("bin depths", grid.faces.bin_count, Bins { faces: grid.faces, nodes: grid.nodes })
-    }
-}
-
-/// Rectangles and depths of the groups, from the bins.
-pub fn groups(grid: &Grid) -> Step {
-    // SAFETY: each task writes its own group.
-    unsafe {
-        Step::independent("group depths", grid.faces.bin_count / CHILDREN, Groups { nodes: grid.nodes })
+impl Nodes {
+    /// Builds the hierarchy over `samples` from below, whose keys begin at `key_starts`.
+    pub(super) fn build(
+        faces: &Faces,
+        key_starts: Addr,
+        samples: Columns<Sample>,
+        runner: &mut Runner<'_>,
+    ) -> Result<Nodes, Stopped> {
+        let group_count = faces.bin_count / CHILDREN;
+        let nodes = Nodes {
+            cells: Columns::new(runner.arena, faces.cell_count()),
+            blocks: Columns::new(runner.arena, faces.block_count()),
+            bins: Columns::new(runner.arena, faces.bin_count),
+            groups: Columns::new(runner.arena, group_count.next_multiple_of(16) + 16),
+        };
+        let cells = Cells { faces: *faces, key_starts, samples, cells: nodes.cells };
+        // SAFETY: each task writes the cells of its own blocks.
+        runner.run(&unsafe { Step::independent("cell depths", faces.block_count() / BLOCKS, cells) })?;
+        let bins = Bins { faces: *faces, nodes };
+        // SAFETY: each task writes its own bin and the blocks of that.
+        runner.run(&unsafe { Step::independent("bin depths", faces.bin_count, bins) })?;
+        // SAFETY: each task writes its own group.
+        runner.run(&unsafe { Step::independent("group depths", group_count, Groups { nodes }) })?;
+        Ok(nodes)
     }
 }
 
@@ -109,19 +107,23 @@ impl<V: Vpu> Place<V> {
 /// The bits of -0, less as integers than those of any depth; of negative depths the larger number is the deeper one.
 const SHALLOWEST: i32 = i32::MIN;
 
+/// Finds rectangles and depths of the cells, from the samples.
 struct Cells {
-    grid: Grid,
+    faces: Faces,
+    key_starts: Addr,
+    samples: Columns<Sample>,
+    cells: Columns<Node>,
 }
 
 impl Kernel for Cells {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
-        let grid = &self.grid;
-        let (mut block, end) = task_range(v, task, BLOCKS, grid.faces.block_count());
+        let Cells { faces, key_starts, samples, cells } = self;
+        let (mut block, end) = task_range(v, task, BLOCKS, faces.block_count());
         let first_key = scalar!(v, block << 6);
         let end_key = scalar!(v, end << 6);
-        let samples_first = v.s_load(grid.key_starts, first_key);
-        let samples_end = v.s_load(grid.key_starts, end_key);
+        let samples_first = v.s_load(*key_starts, first_key);
+        let samples_end = v.s_load(*key_starts, end_key);
         // Memory holds 0 where there is nothing: no depth.
         if v.branch(Compare::Equal, samples_first, samples_end) {
             return;
@@ -129,9 +131,9 @@ impl Kernel for Cells {
 
         // The bin's face: which coordinate is its depth.
         let bin = scalar!(v, block >> 4);
-        let face = v.s_load(grid.faces.bin_places.column(field!(BinPlace.face)), bin);
-        let depths = grid.depths_of_face(v, face);
-        let place = Place::load(v, &grid.faces, bin, face);
+        let face = v.s_load(faces.bin_places.column(field!(BinPlace.face)), bin);
+        let depths = depths_of_face(v, *samples, face);
+        let place = Place::load(v, faces, bin, face);
         let in_block = each!(axis in [0, 1] => v.vmul(place.child[axis], place.cell[axis]));
         let two = v.vset_i32(2);
         let three = v.vset_i32(3);
@@ -148,7 +150,7 @@ impl Kernel for Cells {
             };
             let center = [center(0), center(1)];
             let first_cell = scalar!(v, block << 4);
-            store_nodes(v, all, grid.nodes.cells, first_cell, center, place.cell, depth);
+            store_nodes(v, all, *cells, first_cell, center, place.cell, depth);
             block = scalar!(v, block + 1);
         }
     }
@@ -158,15 +160,14 @@ impl Cells {
     /// Greatest depth in each of the 16 cells of a block; the depths of samples begin `depths` words after their positions.
     #[inline(always)]
     fn cell_depths<V: Vpu>(&self, v: &mut V, block: V::S32, depths: V::S32) -> V::F32 {
-        let grid = &self.grid;
-        let column = grid.samples.column(field!(Sample.position));
+        let column = self.samples.column(field!(Sample.position));
         let first_key = scalar!(v, block << 6);
         let shallowest = v.vset_i32(SHALLOWEST);
         let mut depth = v.vset_f32(0.0);
-        let sample = v.s_load(grid.cell_starts(0), first_key);
+        let sample = v.s_load(cell_starts(self.key_starts, 0), first_key);
         let mut sample = scalar!(v, sample + depths);
         for cell in 0..CHILDREN {
-            let end = v.s_load(grid.cell_starts(cell + 1), first_key);
+            let end = v.s_load(cell_starts(self.key_starts, cell + 1), first_key);
             let end = scalar!(v, end + depths);
             if !v.branch(Compare::Less, sample, end) {
                 continue;
@@ -191,6 +192,7 @@ impl Cells {
     }
 }
 
+/// Finds rectangles and depths of blocks and bins, from the cells.
 struct Bins {
     faces: Faces,
     nodes: Nodes,
@@ -271,6 +273,7 @@ fn store_nodes<V: Vpu>(
     store(field!(Node.reach), reach);
 }
 
+/// Finds rectangles and depths of the groups, from the bins.
 struct Groups {
     nodes: Nodes,
 }

@@ -1,9 +1,7 @@
 //! What is binned and rasterized: triangles, which hide the light as a whole, and edges, which have a penumbra.
 
-use lrbsim_isa::Arena;
 use lrbsim_workloads::ShadowInput;
 
-use super::CHILDREN;
 use crate::light::Disc;
 use crate::record::Records;
 
@@ -64,7 +62,7 @@ pub struct LightConstants {
 
 impl LightConstants {
     /// The light of a frame.
-    fn new(input: &ShadowInput) -> LightConstants {
+    pub fn new(input: &ShadowInput) -> LightConstants {
         let disc = input.light_normal.map_or(Disc::Facing, Disc::Fixed);
         // A disc that stands still lies in the ball of its radius; the line from p to v meets that ball only if
         // sin phi (1 - r/|p|) <= r (1/|v| - cos phi/|p|), and |p| > |v| > 2.5 r wherever the bound is used.
@@ -83,7 +81,7 @@ impl LightConstants {
     }
 }
 
-/// The primitives of a frame: filled by its method, before they are binned.
+/// The primitives of a frame: made by its method, before they are binned.
 #[derive(Clone, Copy)]
 pub struct Primitives {
     /// The light that they are seen from.
@@ -96,19 +94,6 @@ pub struct Primitives {
     pub edges: Records<EdgeRecord>,
     /// Number of these edges.
     pub edge_count: u32,
-}
-
-impl Primitives {
-    /// Room for the triangles of a frame, and no edges yet.
-    pub fn new(input: &ShadowInput, triangle_count: u32, arena: &mut Arena) -> Primitives {
-        Primitives {
-            light: LightConstants::new(input),
-            triangles: Records::new(arena, u64::from(triangle_count.next_multiple_of(CHILDREN))),
-            triangle_count,
-            edges: Records::default(),
-            edge_count: 0,
-        }
-    }
 }
 
 /// The two kinds of primitives, whose lists lie one behind the other: triangles of all bins, then edges of all bins; so of

@@ -9,7 +9,7 @@
 
 #![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
 
-use lrbsim_isa::{Addr, Arena, Compare, Kernel, Step, Vpu};
+use lrbsim_isa::{Addr, Compare, Kernel, Runner, Step, Stopped, Vpu};
 
 use super::BIN_CELLS;
 use super::bin::Bins;
@@ -58,12 +58,9 @@ struct PieceCounters {
     written: u32,
 }
 
-/// The records of each cell; filled by the phase `raster`.
+/// The records of each cell.
 #[derive(Clone, Copy)]
 pub struct Raster {
-    counters: Records<PieceCounters>,
-    pieces: Columns<Piece>,
-    piece_count: u32,
     /// Lists of the cells by [`Kind`](super::primitives::Kind).
     pub lists: Lists,
     /// The records in these lists.
@@ -71,85 +68,55 @@ pub struct Raster {
 }
 
 impl Raster {
-    /// Nothing is rasterized yet.
-    pub fn new(arena: &mut Arena) -> Raster {
-        Raster {
-            counters: Records::new(arena, 1),
-            pieces: Columns::default(),
-            piece_count: 0,
-            lists: Lists::default(),
-            records: Records::default(),
-        }
+    /// Rasters the primitives of the bins: counts the records of each cell, then writes them.
+    pub fn build(
+        primitives: &Primitives,
+        grid: &Grid,
+        bins: &Bins,
+        runner: &mut Runner<'_>,
+    ) -> Result<Raster, Stopped> {
+        let (pieces, piece_count) = pieces(grid, bins, runner)?;
+        let lists = Lists::new(runner.arena, 2 * grid.faces.cell_count(), piece_count, BIN_CELLS);
+        let rasterize = |records| Rasterize {
+            pieces,
+            lists,
+            records,
+            items: bins.items,
+            primitives: *primitives,
+            grid: *grid,
+        };
+        runner.run(&Step::ordered("record counts", piece_count, rasterize(None)))?;
+
+        let records = lists.sum(runner)?;
+        let records = Records::new(runner.arena, u64::from(records));
+        // SAFETY: each task writes its own table, and records to places that it has taken in `record counts`.
+        runner.run(&unsafe { Step::independent("records", piece_count, rasterize(Some(records))) })?;
+        Ok(Raster { lists, records })
     }
 }
 
-/// Counts the pieces into which the lists of the bins are cut.
-pub fn count_pieces(raster: &Raster, bins: &Bins, grid: &Grid) -> Step {
-    let kernel = Pieces::new(raster, bins, grid, false);
+/// Cuts the lists of the bins into pieces: counts them, then writes them. The pieces, and their number.
+fn pieces(grid: &Grid, bins: &Bins, runner: &mut Runner<'_>) -> Result<(Columns<Piece>, u32), Stopped> {
+    let counters: Records<PieceCounters> = Records::new(runner.arena, 1);
+    let list_count = 2 * grid.faces.bin_count;
+    let cut = |pieces| Pieces { counters, pieces, list_starts: bins.lists.starts, list_count };
+    let tasks = list_count.div_ceil(LISTS);
     // SAFETY: tasks only add to the counter.
-    unsafe { Step::independent("raster pieces", kernel.tasks(), kernel) }
+    runner.run(&unsafe { Step::independent("raster pieces", tasks, cut(None)) })?;
+
+    let count = runner.arena.read_u32(counters.field(field!(PieceCounters.total)));
+    let pieces = Columns::new(runner.arena, count);
+    runner.run(&Step::ordered("raster tasks", tasks, cut(Some(pieces))))?;
+    Ok((pieces, count))
 }
 
-/// Cuts the lists of the bins into pieces.
-pub fn fill_pieces(raster: &mut Raster, bins: &Bins, grid: &Grid, arena: &mut Arena) -> Step {
-    raster.piece_count = arena.read_u32(raster.counters.field(field!(PieceCounters.total)));
-    raster.pieces = Columns::new(arena, raster.piece_count);
-    let kernel = Pieces::new(raster, bins, grid, true);
-    Step::ordered("raster tasks", kernel.tasks(), kernel)
-}
-
-/// Counts the records that each cell gets.
-pub fn count(
-    raster: &mut Raster,
-    bins: &Bins,
-    primitives: &Primitives,
-    grid: &Grid,
-    arena: &mut Arena,
-) -> Step {
-    raster.lists = Lists::new(arena, 2 * grid.faces.cell_count(), raster.piece_count, BIN_CELLS);
-    let kernel =
-        Rasterize { raster: *raster, bins: *bins, primitives: *primitives, grid: *grid, fill: false };
-    Step::ordered("record counts", raster.piece_count, kernel)
-}
-
-/// Writes the records of each cell.
-pub fn fill(
-    raster: &mut Raster,
-    bins: &Bins,
-    primitives: &Primitives,
-    grid: &Grid,
-    arena: &mut Arena,
-) -> Step {
-    let total = raster.lists.items(arena, 2 * grid.faces.cell_count());
-    raster.records = Records::new(arena, u64::from(total));
-    let kernel = Rasterize { raster: *raster, bins: *bins, primitives: *primitives, grid: *grid, fill: true };
-    // SAFETY: each task writes its own table, and records to places that it has taken in `count`.
-    unsafe { Step::independent("records", raster.piece_count, kernel) }
-}
-
-/// Splits the lists of the bins into pieces.
+/// Counts or writes the pieces of the lists of the bins.
 struct Pieces {
     counters: Records<PieceCounters>,
-    pieces: Columns<Piece>,
+    /// Where pieces are written; `None` where they are counted.
+    pieces: Option<Columns<Piece>>,
     list_starts: Addr,
     list_count: u32,
-    fill: bool,
-}
-
-impl Pieces {
-    fn new(raster: &Raster, bins: &Bins, grid: &Grid, fill: bool) -> Pieces {
-        Pieces {
-            counters: raster.counters,
-            pieces: raster.pieces,
-            list_starts: bins.lists.starts,
-            list_count: 2 * grid.faces.bin_count,
-            fill,
-        }
-    }
-
-    fn tasks(&self) -> u32 {
-        self.list_count.div_ceil(LISTS)
-    }
 }
 
 impl Kernel for Pieces {
@@ -162,15 +129,15 @@ impl Kernel for Pieces {
             let last = v.s_load(self.list_starts.plus_words(1), list);
             let pieces = scalar!(v, ((last - first) + { (1 << PIECE_LOG2) - 1 }) >> { PIECE_LOG2 });
             if v.branch(Compare::Less, zero, pieces) {
-                if self.fill {
+                if let Some(columns) = self.pieces {
                     let written = self.counters.field(field!(PieceCounters.written));
                     let mut at = v.s_atomic_add(written, zero, pieces);
                     while v.branch(Compare::Less, first, last) {
                         let next = scalar!(v, first + { 1 << PIECE_LOG2 });
                         let piece_end = lower(v, next, last);
-                        v.s_store(self.pieces.column(field!(Piece.list)), at, list);
-                        v.s_store(self.pieces.column(field!(Piece.first)), at, first);
-                        v.s_store(self.pieces.column(field!(Piece.end)), at, piece_end);
+                        v.s_store(columns.column(field!(Piece.list)), at, list);
+                        v.s_store(columns.column(field!(Piece.first)), at, first);
+                        v.s_store(columns.column(field!(Piece.end)), at, piece_end);
                         first = next;
                         at = scalar!(v, at + 1);
                     }
@@ -183,27 +150,31 @@ impl Kernel for Pieces {
     }
 }
 
+/// Counts or writes the records of the cells.
 struct Rasterize {
-    raster: Raster,
-    bins: Bins,
+    pieces: Columns<Piece>,
+    lists: Lists,
+    /// Where records are written; `None` where they are counted.
+    records: Option<Records<CellRecord>>,
+    /// The items of the lists of the bins: numbers of primitives.
+    items: Addr,
     primitives: Primitives,
     grid: Grid,
-    fill: bool,
 }
 
 impl Kernel for Rasterize {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
-        let Rasterize { raster, primitives, grid, .. } = self;
-        let list = v.s_load(raster.pieces.column(field!(Piece.list)), task);
-        let first = v.s_load(raster.pieces.column(field!(Piece.first)), task);
-        let end = v.s_load(raster.pieces.column(field!(Piece.end)), task);
+        let Rasterize { pieces, lists, primitives, grid, .. } = self;
+        let list = v.s_load(pieces.column(field!(Piece.list)), task);
+        let first = v.s_load(pieces.column(field!(Piece.first)), task);
+        let end = v.s_load(pieces.column(field!(Piece.end)), task);
         let bins = v.s_imm(grid.faces.bin_count as i32);
         let of_triangles = v.branch(Compare::Less, list, bins);
         let bin = if of_triangles { list } else { scalar!(v, list - bins) };
         let face = v.s_load(grid.faces.bin_places.column(field!(BinPlace.face)), bin);
         let first_list = scalar!(v, list << { BIN_CELLS.trailing_zeros() as i32 });
-        let table = raster.lists.table(v, task);
+        let table = lists.table(v, task);
         let piece = PieceOf { bin, first, end, table, first_list };
         for grid in grid.faces.grids() {
             let number = v.s_imm(grid.face as i32);
@@ -217,8 +188,8 @@ impl Kernel for Rasterize {
                 break;
             }
         }
-        if !self.fill {
-            raster.lists.publish(v, table, first_list);
+        if self.records.is_none() {
+            lists.publish(v, table, first_list);
         }
     }
 }
@@ -246,14 +217,14 @@ impl Rasterize {
         piece: PieceOf<V>,
     ) {
         let PieceOf { bin, first, end, table, first_list } = piece;
-        let lists = &self.raster.lists;
+        let Rasterize { lists, .. } = self;
         let nodes = &self.grid.nodes;
         let none = v.s_imm(0);
         let first_block = scalar!(v, bin << 4);
         let first_cell = scalar!(v, first_block << 4);
         let mut i = first;
         while v.branch(Compare::Less, i, end) {
-            let number = v.s_load(self.bins.items, i);
+            let number = v.s_load(self.items, i);
             let record = records.record(v, number);
             let primitive = P::set_up(v, &self.primitives.light, frame, record);
             let (touched, _) = primitive.touch(v, nodes.blocks, first_block);
@@ -265,12 +236,11 @@ impl Rasterize {
                 let (touched, start) = primitive.touch(v, nodes.cells, cell);
                 if v.branch_any(touched) {
                     let at = scalar!(v, table + in_bin);
-                    if self.fill {
+                    if let Some(records) = self.records {
                         let list = scalar!(v, first_list + in_bin);
                         let to = lists.place(v, touched, at, list);
                         let word = int!(v, to + to);
                         let number = v.vsplat(number);
-                        let records = self.raster.records;
                         v.vscatter_i32(touched, records.field(field!(CellRecord.primitive)), word, number);
                         v.vscatter_f32(touched, records.field(field!(CellRecord.start)), word, start);
                     } else {

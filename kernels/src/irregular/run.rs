@@ -8,7 +8,7 @@
 
 #![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
 
-use lrbsim_isa::{Addr, Arena, Compare, Kernel, Step, Vpu, math};
+use lrbsim_isa::{Addr, Compare, Kernel, Runner, Step, Stopped, Vpu, math};
 
 use super::CHILDREN;
 use super::faces::BinPlace;
@@ -60,11 +60,9 @@ struct RunCounters {
     written: [Counter; 2],
 }
 
-/// The runs of a frame; filled at the end of the phase `raster`.
+/// The runs of a frame: equal shares of samples times records.
 #[derive(Clone, Copy)]
 pub struct Runs {
-    counters: Records<RunCounters>,
-    splits: Columns<Split>,
     /// The runs of each [`Kind`].
     runs: [Columns<Run>; 2],
     /// Number of runs by [`Kind`].
@@ -72,42 +70,27 @@ pub struct Runs {
 }
 
 impl Runs {
-    /// Nothing is split yet.
-    pub fn new(arena: &mut Arena) -> Runs {
-        Runs {
-            counters: Records::new(arena, 1),
-            splits: Columns::default(),
-            runs: [Columns::default(); 2],
-            counts: [0; 2],
-        }
+    /// Splits the samples of each block into runs: counts them, then writes them.
+    pub fn build(grid: &Grid, raster: &Raster, runner: &mut Runner<'_>) -> Result<Runs, Stopped> {
+        let counters: Records<RunCounters> = Records::new(runner.arena, 1);
+        let block_count = grid.faces.block_count();
+        let splits = Columns::new(runner.arena, block_count);
+        let tasks = block_count.div_ceil(BLOCKS);
+        let count = Count { counters, splits, grid: *grid, list_starts: raster.lists.starts };
+        // SAFETY: each task writes the splits of its own blocks and adds to the totals.
+        runner.run(&unsafe { Step::independent("run counts", tasks, count) })?;
+
+        let totals = counters.field(field!(RunCounters.totals));
+        let counts = [0, 1].map(|kind| runner.arena.read_u32(totals.plus_lines(kind)));
+        let runs = counts.map(|count| Columns::new(runner.arena, count));
+        runner.run(&Step::ordered("runs", tasks, Fill { counters, splits, runs, block_count }))?;
+        Ok(Runs { runs, counts })
     }
 
     /// Number of runs of `kind`: tasks of the step that walks them.
     pub fn count(&self, kind: Kind) -> u32 {
         self.counts[kind as usize]
     }
-}
-
-/// Counts the runs into which the samples of each block are split, for equal work.
-pub fn count(runs: &mut Runs, raster: &Raster, grid: &Grid, arena: &mut Arena) -> Step {
-    runs.splits = Columns::new(arena, grid.faces.block_count());
-    // SAFETY: each task writes the splits of its own blocks and adds to the totals.
-    unsafe {
-        Step::independent(
-            "run counts",
-            grid.faces.block_count().div_ceil(BLOCKS),
-            Count { runs: *runs, grid: *grid, list_starts: raster.lists.starts },
-        )
-    }
-}
-
-/// Writes the runs of each block.
-pub fn fill(runs: &mut Runs, grid: &Grid, arena: &mut Arena) -> Step {
-    let totals = runs.counters.field(field!(RunCounters.totals));
-    runs.counts = [0, 1].map(|kind| arena.read_u32(totals.plus_lines(kind)));
-    runs.runs = runs.counts.map(|count| Columns::new(arena, count));
-    let block_count = grid.faces.block_count();
-    Step::ordered("runs", block_count.div_ceil(BLOCKS), Fill { runs: *runs, block_count })
 }
 
 /// Vectors of samples in each of the 16 cells of a block.
@@ -128,7 +111,8 @@ fn cell_vectors<V: Vpu>(v: &mut V, grid: &Grid, first_cell: V::S32) -> V::I32 {
 
 /// Splits blocks into runs: 2^j of them, j the least with no more than the wished number of vector tests in each.
 struct Count {
-    runs: Runs,
+    counters: Records<RunCounters>,
+    splits: Columns<Split>,
     grid: Grid,
     /// First records of the cells.
     list_starts: Addr,
@@ -137,7 +121,7 @@ struct Count {
 impl Kernel for Count {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
-        let Count { runs, grid, list_starts } = self;
+        let Count { counters, splits, grid, list_starts } = self;
         let one = v.s_imm(1);
         let zero = v.s_imm(0);
         let (mut block, end) = task_range(v, task, BLOCKS, grid.faces.block_count());
@@ -169,12 +153,12 @@ impl Kernel for Count {
                     let total = totals[kind as usize];
                     totals[kind as usize] = scalar!(v, total + (1 << (log2 - 1)));
                 }
-                v.s_store(runs.splits.column(field!(Split.log2[kind as usize])), block, log2);
+                v.s_store(splits.column(field!(Split.log2[kind as usize])), block, log2);
             }
             block = scalar!(v, block + 1);
         }
         for (kind, total) in totals.into_iter().enumerate() {
-            let counter = runs.counters.field(field!(RunCounters.totals[kind]));
+            let counter = counters.field(field!(RunCounters.totals[kind]));
             v.s_atomic_add(counter, zero, total);
         }
     }
@@ -182,18 +166,20 @@ impl Kernel for Count {
 
 /// Writes the runs of blocks that are split.
 struct Fill {
-    runs: Runs,
+    counters: Records<RunCounters>,
+    splits: Columns<Split>,
+    /// Where the runs of each [`Kind`] are written.
+    runs: [Columns<Run>; 2],
     block_count: u32,
 }
 
 impl Kernel for Fill {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
-        let runs = &self.runs;
         let zero = v.s_imm(0);
         let (first, end) = task_range(v, task, BLOCKS, self.block_count);
-        for (kind, columns) in runs.runs.into_iter().enumerate() {
-            let splits = runs.splits.column(field!(Split.log2[kind]));
+        for (kind, columns) in self.runs.into_iter().enumerate() {
+            let splits = self.splits.column(field!(Split.log2[kind]));
             // Count, take room with one atomic, fill.
             let mut total = zero;
             let mut block = first;
@@ -207,7 +193,7 @@ impl Kernel for Fill {
             if !v.branch(Compare::Less, zero, total) {
                 continue;
             }
-            let written = runs.counters.field(field!(RunCounters.written[kind]));
+            let written = self.counters.field(field!(RunCounters.written[kind]));
             let mut at = v.s_atomic_add(written, zero, total);
             let mut block = first;
             while v.branch(Compare::Less, block, end) {

@@ -7,8 +7,8 @@
 
 use lrbsim_isa::{Addr, Arena, Compare, Kernel, Vpu};
 
-use super::faces::{Constants, load_positions};
-use super::grid::{Grid, Sample};
+use super::faces::{Constants, Faces, load_positions};
+use super::grid::Sample;
 use super::receivers::{Receiver, Receivers};
 use crate::columns::{Columns, lanes_below, task_range};
 use crate::expression::{each, int, scalar};
@@ -28,7 +28,7 @@ struct Streak {
 const TASK_STREAKS: u32 = Receivers::TASK + 16;
 
 /// The streaks of a frame.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy)]
 pub(super) struct Streaks {
     /// Task by task, [`TASK_STREAKS`] each.
     columns: Columns<Streak>,
@@ -56,14 +56,19 @@ impl Streaks {
 }
 
 /// Counts the receivers of each key.
-pub(super) struct Histogram(pub(super) Grid);
+pub(super) struct Histogram {
+    pub(super) receivers: Receivers,
+    pub(super) faces: Faces,
+    pub(super) streaks: Streaks,
+    /// Where the receivers of each key are counted.
+    pub(super) key_starts: Addr,
+}
 
 impl Kernel for Histogram {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
-        let grid = &self.0;
-        let streaks = grid.streaks;
-        let (first, end) = task_range(v, task, Receivers::TASK, grid.receivers.count);
+        let Histogram { receivers, faces, streaks, key_starts } = self;
+        let (first, end) = task_range(v, task, Receivers::TASK, receivers.count);
         let constants = Constants::new(v);
         let none = constants.whole[0];
         let lane = v.viota();
@@ -82,8 +87,8 @@ impl Kernel for Histogram {
         let mut i = first;
         while v.branch(Compare::Less, i, end) {
             let live = lanes_below(v, i, end);
-            let p = load_positions(v, &constants, grid.receivers.columns, live, i);
-            let key = grid.faces.key(v, &constants, live, p);
+            let p = load_positions(v, &constants, receivers.columns, live, i);
+            let key = faces.key(v, &constants, live, p);
             let turned = v.vpermute(key, below);
             let before = v.vblend_i32(lowest, turned_before, turned);
             turned_before = turned;
@@ -111,7 +116,7 @@ impl Kernel for Histogram {
             let next =
                 v.vload_i32_or(none, live, streaks.columns.column(field!(Streak.first)).plus_words(1), i);
             let length = int!(v, next - begin);
-            let place = v.vatomic_add_or(none, live, grid.key_starts, key, length);
+            let place = v.vatomic_add_or(none, live, *key_starts, key, length);
             let offset = int!(v, place - begin);
             v.vstore_i32(live, streaks.columns.column(field!(Streak.offset)), i, offset);
             i = scalar!(v, i + 16);
@@ -120,14 +125,20 @@ impl Kernel for Histogram {
 }
 
 /// Moves the receivers to their places.
-pub(super) struct Scatter(pub(super) Grid);
+pub(super) struct Scatter {
+    pub(super) receivers: Receivers,
+    pub(super) streaks: Streaks,
+    /// First place of each key.
+    pub(super) key_starts: Addr,
+    /// Where the receivers go.
+    pub(super) samples: Columns<Sample>,
+}
 
 impl Kernel for Scatter {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
-        let grid = &self.0;
-        let streaks = grid.streaks;
-        let (first, end) = task_range(v, task, Receivers::TASK, grid.receivers.count);
+        let Scatter { receivers, streaks, key_starts, samples } = self;
+        let (first, end) = task_range(v, task, Receivers::TASK, receivers.count);
         let one = v.vset_i32(1);
         let none = v.vset_i32(0);
         let lane = v.viota();
@@ -148,7 +159,7 @@ impl Kernel for Scatter {
         while v.branch(Compare::Less, i, last_streak) {
             let live = lanes_below(v, i, last_streak);
             let key = v.vload_i32_or(none, live, streaks.columns.column(field!(Streak.key)), i);
-            let start = v.vgather_i32_or(none, live, grid.key_starts, key);
+            let start = v.vgather_i32_or(none, live, *key_starts, key);
             let offset = v.vload_i32_or(none, live, streaks.columns.column(field!(Streak.offset)), i);
             let offset = int!(v, offset + start);
             v.vstore_i32(live, streaks.columns.column(field!(Streak.offset)), i, offset);
@@ -177,12 +188,12 @@ impl Kernel for Scatter {
             let offset = v.vgather_i32_or(none, live, streaks.columns.column(field!(Streak.offset)), streak);
             let to = int!(v, offset + receiver);
             for axis in 0..3 {
-                let from = grid.receivers.columns.column(field!(Receiver.position[axis]));
+                let from = receivers.columns.column(field!(Receiver.position[axis]));
                 v.prefetch_l1(from.plus_lines(1), i);
                 let value = v.vload_i32_or(none, live, from, i);
-                v.vscatter_i32(live, grid.samples.column(field!(Sample.position[axis])), to, value);
+                v.vscatter_i32(live, samples.column(field!(Sample.position[axis])), to, value);
             }
-            v.vscatter_i32(live, grid.samples.column(field!(Sample.receiver)), to, receiver);
+            v.vscatter_i32(live, samples.column(field!(Sample.receiver)), to, receiver);
             receiver = int!(v, receiver + sixteen);
             i = scalar!(v, i + 16);
         }

@@ -2,10 +2,10 @@
 
 #![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
 
-use lrbsim_isa::{Addr, Compare, Kernel, Step, Vpu};
+use lrbsim_isa::{Addr, Compare, Kernel, Runner, Step, Stopped, Vpu};
 
+use super::Sums;
 use super::soft::WHOLE;
-use super::{Frame, Sums};
 use crate::columns::{Columns, lanes_below, task_range};
 use crate::expression::{each, scalar};
 use crate::field;
@@ -15,21 +15,17 @@ use crate::irregular::receivers::Receiver;
 /// Number of samples that a task handles.
 const TASK: u32 = 1024;
 
-/// Composes the visibility of all samples.
-pub fn compose(frame: &Frame) -> Step {
+/// Composes the visibility of all samples, to the pixels at `visibility`.
+pub fn compose(
+    grid: &Grid,
+    sums: Columns<Sums>,
+    is_soft: bool,
+    visibility: Addr,
+    runner: &mut Runner<'_>,
+) -> Result<(), Stopped> {
+    let compose = Compose { grid: *grid, sums, is_soft, visibility };
     // SAFETY: each task writes the pixels of its own samples: a receiver has a pixel of its own.
-    unsafe {
-        Step::independent(
-            "compose",
-            frame.grid.receivers.count.div_ceil(TASK),
-            Compose {
-                grid: frame.grid,
-                sums: frame.sums,
-                is_soft: frame.primitives.light.is_soft(),
-                visibility: frame.visibility,
-            },
-        )
-    }
+    runner.run(&unsafe { Step::independent("compose", grid.receivers.count.div_ceil(TASK), compose) })
 }
 
 struct Compose {

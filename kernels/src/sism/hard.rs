@@ -5,36 +5,33 @@
 
 #![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
 
-use lrbsim_isa::{Arena, Kernel, Step, Vpu};
+use lrbsim_isa::{Kernel, Runner, Step, Stopped, Vpu};
 
-use super::{Frame, Sums};
+use super::Sums;
 use crate::columns::Columns;
 use crate::expression::int;
 use crate::field;
 use crate::irregular::grid::{Grid, Sample};
-use crate::irregular::primitives::{BACK, FRONT, Kind, TriangleRecord};
-use crate::irregular::raster::CellRecord;
+use crate::irregular::primitives::{BACK, FRONT, Kind, Primitives, TriangleRecord};
+use crate::irregular::raster::{CellRecord, Raster};
 use crate::irregular::receivers::Receiver;
-use crate::irregular::run::{Samples, Shade, Walk};
+use crate::irregular::run::{Runs, Samples, Shade, Walk};
 use crate::plane::{Vec3, dot, side};
 use crate::record::{Record, Records};
 
-/// Counts the layers of every sample.
-pub fn count(frame: &mut Frame, arena: &mut Arena) -> Step {
-    frame.sums = Columns::new(arena, frame.grid.receivers.count);
+/// Counts the layers of every sample, to the sums of that.
+pub fn count(
+    primitives: &Primitives,
+    grid: &Grid,
+    raster: &Raster,
+    runs: &Runs,
+    sums: Columns<Sums>,
+    runner: &mut Runner<'_>,
+) -> Result<(), Stopped> {
+    let walk = Walk::new(Kind::Triangles, grid, raster, runs);
+    let hard = Hard { walk, grid: *grid, triangles: primitives.triangles, sums };
     // SAFETY: each task writes the sums of its own samples: a sample lies in one run.
-    unsafe {
-        Step::independent(
-            "hard",
-            frame.runs.count(Kind::Triangles),
-            Hard {
-                walk: Walk::new(Kind::Triangles, &frame.grid, &frame.raster, &frame.runs),
-                grid: frame.grid,
-                triangles: frame.primitives.triangles,
-                sums: frame.sums,
-            },
-        )
-    }
+    runner.run(&unsafe { Step::independent("hard", runs.count(Kind::Triangles), hard) })
 }
 
 struct Hard {

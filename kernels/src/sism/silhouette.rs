@@ -5,12 +5,13 @@
 
 #![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
 
-use lrbsim_isa::{Addr, Arena, Compare, Kernel, Step, Vpu, math};
+use lrbsim_isa::{Addr, Compare, Kernel, Runner, Step, Stopped, Vpu, math};
 
 use super::soft::rounding_offset;
 use crate::columns::{lanes_below, task_range};
 use crate::expression::{each, int, scalar};
 use crate::field;
+use crate::irregular::CHILDREN;
 use crate::irregular::primitives::{
     AWAY, EdgeRecord, FACES_SHIFT, LightConstants, Primitives, TriangleRecord,
 };
@@ -22,86 +23,43 @@ use crate::scene::{Edge, Scene, Triangle, Vertex};
 /// Number of triangles or edges that a task handles.
 const TASK: u32 = 256;
 
-/// The silhouettes of a frame: what the phase `silhouette` works with, beside the records that it makes.
-#[derive(Clone, Copy)]
-pub struct Silhouettes {
-    /// Weights of the edges: F in the low half, B in the high half.
-    edge_weights: Addr,
-    /// Number of edges that weigh something, as counted.
-    counter: Addr,
-    /// Number of edges that have been written to `edges`.
-    written: Addr,
-    /// Numbers of the edges that weigh something.
-    edges: Addr,
-}
-
-impl Silhouettes {
-    /// Room for the weights of a frame's edges.
-    pub(super) fn new(scene: &Scene, arena: &mut Arena) -> Silhouettes {
-        let edge_weights = arena.alloc(u64::from(scene.edge_count) + 16);
-        Silhouettes { edge_weights, counter: arena.alloc(1), written: Addr(0), edges: Addr(0) }
-    }
-}
-
-/// Makes the records of all triangles.
-pub fn triangles(scene: &Scene, primitives: &Primitives) -> Step {
+/// Finds what casts shadows: records of all triangles and, where `light` has a penumbra, of the edges that weigh something.
+pub fn detect(scene: &Scene, light: LightConstants, runner: &mut Runner<'_>) -> Result<Primitives, Stopped> {
+    let triangle_count = scene.triangle_count;
+    let triangles = Records::new(runner.arena, u64::from(triangle_count.next_multiple_of(CHILDREN)));
+    let kernel = TriangleRecords { scene: *scene, records: triangles };
     // SAFETY: each task writes the records of its own triangles.
-    unsafe {
-        Step::independent(
-            "triangle records",
-            scene.triangle_count.div_ceil(TASK),
-            TriangleRecords { scene: *scene, records: primitives.triangles },
-        )
-    }
+    runner.run(&unsafe { Step::independent("triangle records", triangle_count.div_ceil(TASK), kernel) })?;
+    let (edges, edge_count) =
+        if light.is_soft() { silhouettes(scene, light, triangles, runner)? } else { (Records::default(), 0) };
+    Ok(Primitives { light, triangles, triangle_count, edges, edge_count })
 }
 
-/// Finds the weights of all edges, and counts those that weigh something.
-pub fn weights(scene: &Scene, silhouettes: &Silhouettes, primitives: &Primitives) -> Step {
-    // SAFETY: each task writes the weights of its own edges and adds to the counter.
-    unsafe {
-        Step::independent(
-            "edge weights",
-            scene.edge_count.div_ceil(TASK),
-            Weights { scene: *scene, silhouettes: *silhouettes, triangles: primitives.triangles },
-        )
-    }
-}
-
-/// Packs the edges that weigh something into a list.
-pub fn select(
+/// Finds the edges that weigh something: weighs all, lists those, and makes their records. The records, and their number.
+fn silhouettes(
     scene: &Scene,
-    silhouettes: &mut Silhouettes,
-    primitives: &mut Primitives,
-    arena: &mut Arena,
-) -> Step {
-    let count = arena.read_u32(silhouettes.counter);
-    silhouettes.edges = arena.alloc(u64::from(count) + 16);
-    primitives.edge_count = count;
-    primitives.edges = Records::new(arena, u64::from(count + 16));
-    silhouettes.written = arena.alloc(1);
-    Step::ordered(
-        "silhouette list",
-        scene.edge_count.div_ceil(TASK),
-        Select { edge_count: scene.edge_count, silhouettes: *silhouettes },
-    )
-}
+    light: LightConstants,
+    triangles: Records<TriangleRecord>,
+    runner: &mut Runner<'_>,
+) -> Result<(Records<EdgeRecord>, u32), Stopped> {
+    let tasks = scene.edge_count.div_ceil(TASK);
+    let weights = runner.arena.alloc(u64::from(scene.edge_count) + 16);
+    let counter = runner.arena.alloc(1);
+    let kernel = Weights { scene: *scene, triangles, weights, counter };
+    // SAFETY: each task writes the weights of its own edges and adds to the counter.
+    runner.run(&unsafe { Step::independent("edge weights", tasks, kernel) })?;
 
-/// Makes the records of the silhouette edges.
-pub fn records(scene: &Scene, silhouettes: &Silhouettes, primitives: &Primitives) -> Step {
+    let count = runner.arena.read_u32(counter);
+    let list = runner.arena.alloc(u64::from(count) + 16);
+    let records = Records::new(runner.arena, u64::from(count + 16));
+    let written = runner.arena.alloc(1);
+    let kernel = Select { edge_count: scene.edge_count, weights, list, written };
+    runner.run(&Step::ordered("silhouette list", tasks, kernel))?;
+
+    let kernel = EdgeRecords { scene: *scene, weights, list, light, count, records };
     // SAFETY: each task writes the records of its own edges.
-    unsafe {
-        Step::independent(
-            "edge records",
-            primitives.edge_count.div_ceil(TASK),
-            EdgeRecords {
-                scene: *scene,
-                silhouettes: *silhouettes,
-                light: primitives.light,
-                count: primitives.edge_count,
-                records: primitives.edges,
-            },
-        )
-    }
+    runner.run(&unsafe { Step::independent("edge records", count.div_ceil(TASK), kernel) })?;
+    Ok((records, count))
 }
 
 /// Positions of 16 vertices.
@@ -114,6 +72,7 @@ fn positions<V: Vpu>(v: &mut V, scene: &Scene, live: V::Mask, vertex: V::I32) ->
     })
 }
 
+/// Makes the records of triangles.
 struct TriangleRecords {
     scene: Scene,
     records: Records<TriangleRecord>,
@@ -205,10 +164,14 @@ fn layers<V: Vpu>(v: &mut V, counted: V::I32, away: V::Mask, toward: V::Mask) ->
     v.vblend_i32(away, when_away, when_toward)
 }
 
+/// Finds the weights of edges, and counts those that weigh something.
 struct Weights {
     scene: Scene,
-    silhouettes: Silhouettes,
     triangles: Records<TriangleRecord>,
+    /// The weights, by edge: F in the low half, B in the high half.
+    weights: Addr,
+    /// Number of edges that weigh something.
+    counter: Addr,
 }
 
 /// Weights in F and B of the 16 edges from `i` on.
@@ -249,7 +212,6 @@ fn edge_weights<V: Vpu>(v: &mut V, of: &Weights, live: V::Mask, i: V::S32) -> [V
 impl Kernel for Weights {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
-        let silhouettes = &self.silhouettes;
         let (mut i, end) = task_range(v, task, TASK, self.scene.edge_count);
         let zero = v.vset_i32(0);
         let low_half = v.vset_i32(0xffff);
@@ -259,7 +221,7 @@ impl Kernel for Weights {
             let live = lanes_below(v, i, end);
             let [front, back] = edge_weights(v, self, live, i);
             let weight = int!(v, (front & low_half) | (back << sixteen));
-            v.vstore_i32(live, silhouettes.edge_weights, i, weight);
+            v.vstore_i32(live, self.weights, i, weight);
             let weighs = v.vicmp_neq_masked(live, weight, zero);
             let bits = v.kmov_to_scalar(weighs);
             let more = v.s_popcnt(bits);
@@ -267,19 +229,24 @@ impl Kernel for Weights {
             i = scalar!(v, i + 16);
         }
         let at = v.s_imm(0);
-        v.s_atomic_add(silhouettes.counter, at, count);
+        v.s_atomic_add(self.counter, at, count);
     }
 }
 
+/// Packs the edges that weigh something into a list.
 struct Select {
     edge_count: u32,
-    silhouettes: Silhouettes,
+    /// The weights, by edge.
+    weights: Addr,
+    /// Numbers of the edges that weigh something.
+    list: Addr,
+    /// Number of edges that have been written to the list.
+    written: Addr,
 }
 
 impl Kernel for Select {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
-        let silhouettes = &self.silhouettes;
         let (first, end) = task_range(v, task, TASK, self.edge_count);
         let zero = v.vset_i32(0);
         let lane = v.viota();
@@ -288,7 +255,7 @@ impl Kernel for Select {
         let mut i = first;
         while v.branch(Compare::Less, i, end) {
             let live = lanes_below(v, i, end);
-            let weight = v.vload_i32_or(zero, live, silhouettes.edge_weights, i);
+            let weight = v.vload_i32_or(zero, live, self.weights, i);
             let weighs = v.vicmp_neq(weight, zero);
             let bits = v.kmov_to_scalar(weighs);
             let more = v.s_popcnt(bits);
@@ -296,15 +263,15 @@ impl Kernel for Select {
             i = scalar!(v, i + 16);
         }
         let at = v.s_imm(0);
-        let mut to = v.s_atomic_add(silhouettes.written, at, count);
+        let mut to = v.s_atomic_add(self.written, at, count);
         let mut i = first;
         while v.branch(Compare::Less, i, end) {
             let live = lanes_below(v, i, end);
-            let weight = v.vload_i32_or(zero, live, silhouettes.edge_weights, i);
+            let weight = v.vload_i32_or(zero, live, self.weights, i);
             let weighs = v.vicmp_neq(weight, zero);
             let base = v.vsplat(i);
             let edge = int!(v, base + lane);
-            v.vcompress_i32(weighs, silhouettes.edges, to, edge);
+            v.vcompress_i32(weighs, self.list, to, edge);
             let bits = v.kmov_to_scalar(weighs);
             let more = v.s_popcnt(bits);
             to = scalar!(v, to + more);
@@ -313,9 +280,13 @@ impl Kernel for Select {
     }
 }
 
+/// Makes the records of the edges that weigh something.
 struct EdgeRecords {
     scene: Scene,
-    silhouettes: Silhouettes,
+    /// The weights, by edge.
+    weights: Addr,
+    /// Numbers of the edges that weigh something.
+    list: Addr,
     light: LightConstants,
     /// Number of silhouette edges.
     count: u32,
@@ -325,7 +296,7 @@ struct EdgeRecords {
 impl Kernel for EdgeRecords {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
-        let EdgeRecords { scene, silhouettes, records, .. } = self;
+        let EdgeRecords { scene, records, .. } = self;
         let (mut i, end) = task_range(v, task, TASK, self.count);
         let lane = v.viota();
         let none = v.vset_i32(0);
@@ -334,11 +305,11 @@ impl Kernel for EdgeRecords {
         let (zero, one) = (v.vset_f32(0.0), v.vset_f32(1.0));
         while v.branch(Compare::Less, i, end) {
             let live = lanes_below(v, i, end);
-            let edge = v.vload_i32_or(none, live, silhouettes.edges, i);
+            let edge = v.vload_i32_or(none, live, self.list, i);
             let [low, high] = each!(end in [0, 1] => {
                 v.vgather_i32_or(none, live, scene.edges.column(field!(Edge.ends[end])), edge)
             });
-            let weight = v.vgather_i32_or(none, live, silhouettes.edge_weights, edge);
+            let weight = v.vgather_i32_or(none, live, self.weights, edge);
             let a = positions(v, scene, live, low);
             let b = positions(v, scene, live, high);
             let normal = edge_normal(v, a, b);

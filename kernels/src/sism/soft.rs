@@ -6,15 +6,16 @@
 
 #![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
 
-use lrbsim_isa::{Kernel, Step, Vpu};
+use lrbsim_isa::{Kernel, Runner, Step, Stopped, Vpu};
 
-use super::{Frame, Sums};
+use super::Sums;
 use crate::columns::Columns;
 use crate::expression::int;
 use crate::field;
-use crate::irregular::primitives::{EdgeRecord, Kind, LightConstants};
-use crate::irregular::raster::CellRecord;
-use crate::irregular::run::{Samples, Shade, Walk};
+use crate::irregular::grid::Grid;
+use crate::irregular::primitives::{EdgeRecord, Kind, LightConstants, Primitives};
+use crate::irregular::raster::{CellRecord, Raster};
+use crate::irregular::run::{Runs, Samples, Shade, Walk};
 use crate::light::View;
 use crate::plane::{Vec3, side};
 use crate::record::{Record, Records};
@@ -23,21 +24,19 @@ use crate::segment::segment;
 /// A whole light in fixed point: sums of 32-bit integers are the same in any order [algorithms, 6.9].
 pub const WHOLE: f32 = (1 << 24) as f32;
 
-/// Sums the edges' parts for every sample.
-pub fn sum(frame: &Frame) -> Step {
+/// Sums the edges' parts for every sample, to the sums of that.
+pub fn sum(
+    primitives: &Primitives,
+    grid: &Grid,
+    raster: &Raster,
+    runs: &Runs,
+    sums: Columns<Sums>,
+    runner: &mut Runner<'_>,
+) -> Result<(), Stopped> {
+    let walk = Walk::new(Kind::Edges, grid, raster, runs);
+    let soft = Soft { walk, light: primitives.light, edges: primitives.edges, sums };
     // SAFETY: each task writes the sums of its own samples: a sample lies in one run.
-    unsafe {
-        Step::independent(
-            "soft",
-            frame.runs.count(Kind::Edges),
-            Soft {
-                walk: Walk::new(Kind::Edges, &frame.grid, &frame.raster, &frame.runs),
-                light: frame.primitives.light,
-                edges: frame.primitives.edges,
-                sums: frame.sums,
-            },
-        )
-    }
+    runner.run(&unsafe { Step::independent("soft", runs.count(Kind::Edges), soft) })
 }
 
 struct Soft {

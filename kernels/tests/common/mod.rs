@@ -6,7 +6,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use lrbsim_isa::{
-    Arena, Compare, HostSimd, Kernel, OpCounts, Step, StepSource, Stream, TaskSource, Vpu, run_functional,
+    Arena, Compare, HostSimd, Kernel, OpCounts, Phase, Runner, Step, StepSource, Stream, TaskSource, Vpu,
+    run_functional,
 };
 use lrbsim_kernels::columns::{Columns, lanes_below};
 use lrbsim_kernels::field;
@@ -14,7 +15,7 @@ use lrbsim_kernels::irregular::grid::Sample;
 use lrbsim_kernels::irregular::primitives::Primitives;
 use lrbsim_kernels::irregular::receivers::{Receiver, Receivers};
 use lrbsim_kernels::record::Field;
-use lrbsim_kernels::sism::{self, Frame, Sums, hard::count_layers, soft};
+use lrbsim_kernels::sism::{self, Arrays, Sums, hard::count_layers, soft};
 use lrbsim_workloads::adjacency::prepare;
 use lrbsim_workloads::glam::{DVec3, Vec3};
 use lrbsim_workloads::{Adjacency, EyeView, Light, Mesh, Scene, ShadowInput, load_scene};
@@ -78,48 +79,49 @@ pub fn run_step(step: &Step, arena: &mut Arena, on: On) -> StepFigures {
 /// A frame that has been run.
 pub struct Run {
     pub arena: Arena,
-    pub frame: Frame,
+    pub arrays: Arrays,
     pub steps: BTreeMap<&'static str, StepFigures>,
     pub phases: BTreeMap<&'static str, u64>,
+    /// Visibility, one a receiver.
+    visibility: Vec<f32>,
 }
 
 impl Run {
     /// Runs the whole program of `input`.
     pub fn new(input: &ShadowInput, on: On) -> Run {
         let mut arena = Arena::new();
-        let mut program = sism::program(input, &sism::Options::default(), &mut arena);
         let (mut steps, mut phases) = (BTreeMap::new(), BTreeMap::new());
-        for phase in &program.phases {
-            for make in &phase.steps {
-                let step = make(&mut program.state, &mut arena);
-                let figures = run_step(&step, &mut arena, on);
-                *phases.entry(phase.id).or_default() += figures.uops;
-                steps.insert(step.name(), figures);
-            }
-        }
-        Run { arena, frame: program.state, steps, phases }
+        let mut run_step = |phase: &Phase, step: &Step, arena: &mut Arena| {
+            let figures = run_step(step, arena, on);
+            *phases.entry(phase.id).or_default() += figures.uops;
+            steps.insert(step.name(), figures);
+            Ok(())
+        };
+        let arrays = sism::run(input, &mut Runner::new(&mut arena, &mut run_step)).expect("nothing stops it");
+        let visibility = arrays.visibility(input, &arena);
+        Run { arena, arrays, steps, phases, visibility }
     }
 
     /// Layers in F and B, coverage in F and B by pixel, as the pipeline left them.
     pub fn sums(&self) -> BTreeMap<u32, [i32; 4]> {
-        let samples = self.frame.grid.samples;
+        let samples = self.arrays.grid.samples;
         let receiver = |i: u32| self.arena.read_u32(samples.host(i, field!(Sample.receiver)));
-        sums(&self.arena, &self.frame, self.frame.sums, receiver)
+        sums(&self.arena, &self.arrays, self.arrays.sums, receiver)
     }
 
     /// The same by brute force, from the records of this run.
     pub fn brute_force(&mut self, on: On) -> BTreeMap<u32, [i32; 4]> {
-        let receivers = self.frame.grid.receivers;
+        let receivers = self.arrays.grid.receivers;
         let out = Columns::new(&mut self.arena, receivers.count);
-        let kernel = BruteForce { receivers, primitives: self.frame.primitives, out };
+        let kernel = BruteForce { receivers, primitives: self.arrays.primitives, out };
         let step = Step::ordered("brute force", receivers.count.div_ceil(16), kernel);
         run_step(&step, &mut self.arena, on);
-        sums(&self.arena, &self.frame, out, |i| i)
+        sums(&self.arena, &self.arrays, out, |i| i)
     }
 
     /// Visibility, one a receiver; every one in [0, 1].
     pub fn visibility(&self) -> Vec<f32> {
-        let visibility = self.frame.visibility(&self.arena);
+        let visibility = self.visibility.clone();
         assert!(visibility.iter().all(|x| (0.0..=1.0).contains(x)), "a visibility outside [0, 1]");
         visibility
     }
@@ -128,17 +130,17 @@ impl Run {
 /// Sums by pixel, from columns whose entries are of these receivers.
 fn sums(
     arena: &Arena,
-    frame: &Frame,
+    arrays: &Arrays,
     from: Columns<Sums>,
     receiver: impl Fn(u32) -> u32,
 ) -> BTreeMap<u32, [i32; 4]> {
-    let receivers = frame.grid.receivers;
+    let receivers = arrays.grid.receivers;
     (0..receivers.count)
         .map(|i| {
             let pixel = arena.read_u32(receivers.columns.host(receiver(i), field!(Receiver.pixel)));
             let read = |field: Field<Sums, i32>| arena.read_u32(from.host(i, field)) as i32;
             let layers = [0, 1].map(|k| read(field!(Sums.layers[k])));
-            let is_soft = frame.primitives.light.is_soft();
+            let is_soft = arrays.primitives.light.is_soft();
             let coverage = [0, 1].map(|k| if is_soft { read(field!(Sums.coverage[k])) } else { 0 });
             (pixel, [layers[0], layers[1], coverage[0], coverage[1]])
         })

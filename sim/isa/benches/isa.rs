@@ -10,8 +10,8 @@
 //! the difference of two runs over the difference of their uops is the figure,
 //! `valgrind --tool=callgrind` or `perf stat -e instructions:u` being the tool.
 
-use lrbsim_isa::program::Step;
-use lrbsim_isa::{Addr, Arena, Compare, HostSimd, Kernel, OpCounts, Program, Stream, Vpu, examples};
+use lrbsim_isa::examples::{Histogram, Saxpy, Transpose};
+use lrbsim_isa::{Addr, Arena, Compare, HostSimd, Kernel, OpCounts, Step, Stream, Vpu};
 
 /// Evaluates eight polynomials of degree 16 for each of 64 vectors of a task: seven uops in eight are `vmadd`.
 struct Polynomials {
@@ -56,11 +56,6 @@ fn polynomials(arena: &mut Arena) -> Step {
     Step::ordered("polynomials", 64, Polynomials { x, coefficients })
 }
 
-fn only_step<S>(mut program: Program<S>, arena: &mut Arena) -> Step {
-    let make_step = program.phases[0].steps[0];
-    make_step(&mut program.state, arena)
-}
-
 #[expect(clippy::disallowed_methods, reason = "a benchmark reads the clock")]
 fn now() -> std::time::Instant {
     std::time::Instant::now()
@@ -89,9 +84,9 @@ fn main() {
     });
     let mut arena = Arena::new();
     let steps = [
-        only_step(examples::saxpy(1 << 16), &mut arena),
-        only_step(examples::histogram(1 << 16, 1024), &mut arena),
-        only_step(examples::transpose(256, 256), &mut arena),
+        Saxpy::new(&mut arena, 1 << 16).step(),
+        Histogram::new(&mut arena, 1 << 16, 1024).step(),
+        Transpose::new(&mut arena, 256, 256).step(),
         polynomials(&mut arena),
     ];
     let mut stream = Stream::default();

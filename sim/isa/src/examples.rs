@@ -1,41 +1,26 @@
-//! Three small programs that know their own answer: what the tests of everything above run.
+//! Three small steps that know their own answer: what the tests of everything above run.
 //!
-//! Each is made from sizes alone, fills its inputs from a fixed sequence when its first step is made, and can check what
-//! it left in the arena.
+//! Each is made from sizes alone: it fills its inputs in the arena from a fixed sequence, and can check what its step left
+//! there.
+//!
+//! ```
+//! use lrbsim_isa::{Arena, HostSimd, examples::Saxpy, run_functional};
+//! let mut arena = Arena::new();
+//! let saxpy = Saxpy::new(&mut arena, 1000);
+//! let counts = run_functional(&saxpy.step(), &mut arena, HostSimd::detect(), 2);
+//! saxpy.check(&arena).expect("saxpy is right");
+//! assert!(counts.total() > 0);
+//! ```
 
 #![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
 
 use crate::arena::{Addr, Arena};
-use crate::emit::OpCounts;
-use crate::functional::run_functional;
-use crate::host::HostSimd;
 use crate::kernel::Kernel;
-use crate::program::{Phase, Program, Step};
+use crate::program::Step;
 use crate::vpu::{Compare, Vpu};
 
 /// Number of elements that one task handles.
 const TASK_ELEMENTS: u32 = 1024;
-
-/// Runs all steps of `program` on a new arena, without timing.
-///
-/// ```
-/// use lrbsim_isa::{HostSimd, examples};
-/// let mut program = examples::saxpy(1000);
-/// let (arena, counts) = examples::run(&mut program, HostSimd::detect(), 2);
-/// program.state.check(&arena).expect("saxpy is right");
-/// assert!(counts.total() > 0);
-/// ```
-pub fn run<S>(program: &mut Program<S>, simd: HostSimd, host_threads: usize) -> (Arena, OpCounts) {
-    let mut arena = Arena::new();
-    let mut counts = OpCounts::default();
-    for phase in &program.phases {
-        for make_step in &phase.steps {
-            let step = make_step(&mut program.state, &mut arena);
-            counts.add(&run_functional(&step, &mut arena, simd, host_threads));
-        }
-    }
-    (arena, counts)
-}
 
 /// Word `i` of the input sequence: a multiplicative hash, so that neighbours differ.
 fn input(i: u32) -> u32 {
@@ -48,17 +33,8 @@ fn small_float(i: u32) -> f32 {
     (input(i) >> 24) as f32
 }
 
-fn one_step<S>(
-    id: &'static str,
-    title: &'static str,
-    state: S,
-    step: fn(&mut S, &mut Arena) -> Step,
-) -> Program<S> {
-    Program { state, phases: vec![Phase { id, title, in_paper_total: false, steps: vec![step] }] }
-}
-
-/// What the steps of [`saxpy`] share.
-#[derive(Debug, Clone, Copy, Default)]
+/// `y[i] = 3 * x[i] + y[i]` for `count` floats: one streaming pass, a task for every 1024 elements.
+#[derive(Debug, Clone, Copy)]
 pub struct Saxpy {
     /// Number of elements of either array.
     pub count: u32,
@@ -68,28 +44,24 @@ pub struct Saxpy {
     pub y: Addr,
 }
 
-/// The factor of [`saxpy`].
+/// The factor of [`Saxpy`].
 const SAXPY_FACTOR: f32 = 3.0;
 
-/// `y[i] = 3 * x[i] + y[i]` for `count` floats: one streaming pass, a task for every 1024 elements.
-pub fn saxpy(count: u32) -> Program<Saxpy> {
-    one_step("saxpy", "a x + y", Saxpy { count, ..Saxpy::default() }, |state, arena| {
-        let x: Vec<f32> = (0..state.count).map(small_float).collect();
-        let y: Vec<f32> = (0..state.count).map(|i| small_float(!i)).collect();
-        state.x = arena.alloc_f32(&x);
-        state.y = arena.alloc_f32(&y);
-        // SAFETY: each task writes its own elements.
-        unsafe {
-            Step::independent(
-                "saxpy",
-                state.count.div_ceil(TASK_ELEMENTS),
-                SaxpyKernel { count: state.count, x: state.x, y: state.y },
-            )
-        }
-    })
-}
-
 impl Saxpy {
+    /// Fills two arrays of `count` floats.
+    pub fn new(arena: &mut Arena, count: u32) -> Saxpy {
+        let x: Vec<f32> = (0..count).map(small_float).collect();
+        let y: Vec<f32> = (0..count).map(|i| small_float(!i)).collect();
+        Saxpy { count, x: arena.alloc_f32(&x), y: arena.alloc_f32(&y) }
+    }
+
+    /// The step that adds; to be run once.
+    pub fn step(&self) -> Step {
+        let kernel = SaxpyKernel { count: self.count, x: self.x, y: self.y };
+        // SAFETY: each task writes its own elements.
+        unsafe { Step::independent("saxpy", self.count.div_ceil(TASK_ELEMENTS), kernel) }
+    }
+
     /// Whether every element in `arena` is right; what is wrong otherwise.
     ///
     /// # Errors
@@ -161,8 +133,8 @@ impl Kernel for SaxpyKernel {
     }
 }
 
-/// What the steps of [`histogram`] share.
-#[derive(Debug, Clone, Copy, Default)]
+/// Counts `count` values in `bins` bins by vector atomics: few bins make lanes and cores conflict.
+#[derive(Debug, Clone, Copy)]
 pub struct Histogram {
     /// Values to be counted.
     pub count: u32,
@@ -174,28 +146,24 @@ pub struct Histogram {
     pub totals: Addr,
 }
 
-/// Counts `count` values in `bins` bins by vector atomics: few bins make lanes and cores conflict.
-///
-/// # Panics
-/// When `bins` is 0.
-pub fn histogram(count: u32, bins: u32) -> Program<Histogram> {
-    assert!(bins > 0, "a histogram needs at least one bin");
-    one_step("histogram", "histogram", Histogram { count, bins, ..Histogram::default() }, |state, arena| {
-        let values: Vec<u32> = (0..state.count).map(|i| input(i) % state.bins).collect();
-        state.values = arena.alloc_u32(&values);
-        state.totals = arena.alloc(u64::from(state.bins));
-        // SAFETY: tasks only add to the totals.
-        unsafe {
-            Step::independent(
-                "histogram",
-                state.count.div_ceil(TASK_ELEMENTS),
-                HistogramKernel { count: state.count, values: state.values, totals: state.totals },
-            )
-        }
-    })
-}
-
 impl Histogram {
+    /// Fills an array of `count` values, and makes room for the totals of `bins` bins.
+    ///
+    /// # Panics
+    /// When `bins` is 0.
+    pub fn new(arena: &mut Arena, count: u32, bins: u32) -> Histogram {
+        assert!(bins > 0, "a histogram needs at least one bin");
+        let values: Vec<u32> = (0..count).map(|i| input(i) % bins).collect();
+        Histogram { count, bins, values: arena.alloc_u32(&values), totals: arena.alloc(u64::from(bins)) }
+    }
+
+    /// The step that counts; to be run once.
+    pub fn step(&self) -> Step {
+        let kernel = HistogramKernel { count: self.count, values: self.values, totals: self.totals };
+        // SAFETY: tasks only add to the totals.
+        unsafe { Step::independent("histogram", self.count.div_ceil(TASK_ELEMENTS), kernel) }
+    }
+
     /// Whether every total in `arena` is right; what is wrong otherwise.
     ///
     /// # Errors
@@ -239,8 +207,8 @@ impl Kernel for HistogramKernel {
     }
 }
 
-/// What the steps of [`transpose`] share.
-#[derive(Debug, Clone, Copy, Default)]
+/// Transposes a matrix of `rows` x `columns` words: rows are loaded, columns scattered; a task for every row.
+#[derive(Debug, Clone, Copy)]
 pub struct Transpose {
     /// Rows of the matrix that is read.
     pub rows: u32,
@@ -252,24 +220,20 @@ pub struct Transpose {
     pub to: Addr,
 }
 
-/// Transposes a matrix of `rows` x `columns` words: rows are loaded, columns scattered; a task for every row.
-pub fn transpose(rows: u32, columns: u32) -> Program<Transpose> {
-    one_step("transpose", "transpose", Transpose { rows, columns, ..Transpose::default() }, |state, arena| {
-        let matrix: Vec<u32> = (0..state.rows * state.columns).map(input).collect();
-        state.from = arena.alloc_u32(&matrix);
-        state.to = arena.alloc(matrix.len() as u64);
-        // SAFETY: each task writes its own column.
-        unsafe {
-            Step::independent(
-                "transpose",
-                state.rows,
-                TransposeKernel { rows: state.rows, columns: state.columns, from: state.from, to: state.to },
-            )
-        }
-    })
-}
-
 impl Transpose {
+    /// Fills a matrix, and makes room for its transpose.
+    pub fn new(arena: &mut Arena, rows: u32, columns: u32) -> Transpose {
+        let matrix: Vec<u32> = (0..rows * columns).map(input).collect();
+        Transpose { rows, columns, from: arena.alloc_u32(&matrix), to: arena.alloc(matrix.len() as u64) }
+    }
+
+    /// The step that transposes.
+    pub fn step(&self) -> Step {
+        let kernel = TransposeKernel { rows: self.rows, columns: self.columns, from: self.from, to: self.to };
+        // SAFETY: each task writes its own column.
+        unsafe { Step::independent("transpose", self.rows, kernel) }
+    }
+
     /// Whether every word in `arena` is right; what is wrong otherwise.
     ///
     /// # Errors
@@ -323,11 +287,17 @@ impl Kernel for TransposeKernel {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::emit::OpCounts;
+    use crate::functional::run_functional;
+    use crate::host::HostSimd;
     use crate::program::{StepSource, TaskSource};
     use crate::stream::Stream;
 
-    /// Runs a program on every back end, counting on 1 and 2 host threads and recording, and checks all against `check`.
-    fn holds_everywhere<S>(make: impl Fn() -> Program<S>, check: impl Fn(&S, &Arena) -> Result<(), String>) {
+    /// What checks the arena after a step.
+    type Check = Box<dyn Fn(&Arena) -> Result<(), String>>;
+
+    /// Runs an example on every back end, counting on 1 and 2 host threads and recording, and checks all.
+    fn holds_everywhere(make: impl Fn(&mut Arena) -> (Step, Check)) {
         let mut streams: Option<Vec<Stream>> = None;
         let mut counted: Option<OpCounts> = None;
         for simd in HostSimd::ALL {
@@ -336,27 +306,23 @@ mod tests {
                 continue;
             }
             for threads in [1, 2] {
-                let mut program = make();
-                let (arena, counts) = run(&mut program, simd, threads);
-                check(&program.state, &arena)
-                    .unwrap_or_else(|wrong| panic!("{simd}, {threads} threads: {wrong}"));
+                let mut arena = Arena::new();
+                let (step, check) = make(&mut arena);
+                let counts = run_functional(&step, &mut arena, simd, threads);
+                check(&arena).unwrap_or_else(|wrong| panic!("{simd}, {threads} threads: {wrong}"));
                 assert_eq!(counts, *counted.get_or_insert(counts.clone()), "{simd}, {threads} threads");
             }
-            let mut program = make();
             let mut arena = Arena::new();
+            let (step, check) = make(&mut arena);
             let mut recorded = Vec::new();
-            for phase in &program.phases {
-                for make_step in &phase.steps {
-                    let step = make_step(&mut program.state, &mut arena);
-                    let source = StepSource::new(&step, &mut arena, simd, 1);
-                    for task in 0..source.tasks() {
-                        let mut stream = Stream::default();
-                        source.record(task, &mut stream);
-                        recorded.push(stream);
-                    }
-                }
+            let source = StepSource::new(&step, &mut arena, simd, 1);
+            for task in 0..source.tasks() {
+                let mut stream = Stream::default();
+                source.record(task, &mut stream);
+                recorded.push(stream);
             }
-            check(&program.state, &arena).unwrap_or_else(|wrong| panic!("recording on {simd}: {wrong}"));
+            drop(source);
+            check(&arena).unwrap_or_else(|wrong| panic!("recording on {simd}: {wrong}"));
             let counted = counted.as_ref().expect("counted above");
             let masked: u64 = recorded.iter().map(|stream| stream.lanes_masked).sum();
             let active: u64 = recorded.iter().map(|stream| stream.lanes_active).sum();
@@ -368,30 +334,40 @@ mod tests {
     #[test]
     fn saxpy_is_right_on_every_back_end() {
         for count in [0, 1, 16, 1023, 1025, 5000] {
-            holds_everywhere(|| saxpy(count), Saxpy::check);
+            holds_everywhere(|arena| {
+                let saxpy = Saxpy::new(arena, count);
+                (saxpy.step(), Box::new(move |arena| saxpy.check(arena)))
+            });
         }
     }
 
     #[test]
     fn histogram_is_right_on_every_back_end() {
         for (count, bins) in [(0, 1), (17, 1), (5000, 3), (5000, 16), (5000, 4096)] {
-            holds_everywhere(|| histogram(count, bins), Histogram::check);
+            holds_everywhere(|arena| {
+                let histogram = Histogram::new(arena, count, bins);
+                (histogram.step(), Box::new(move |arena| histogram.check(arena)))
+            });
         }
     }
 
     #[test]
     fn transpose_is_right_on_every_back_end() {
         for (rows, columns) in [(0, 0), (1, 1), (1, 40), (40, 1), (33, 65), (64, 64)] {
-            holds_everywhere(|| transpose(rows, columns), Transpose::check);
+            holds_everywhere(|arena| {
+                let transpose = Transpose::new(arena, rows, columns);
+                (transpose.step(), Box::new(move |arena| transpose.check(arena)))
+            });
         }
     }
 
     #[test]
     fn a_wrong_result_is_noticed() {
-        let mut program = saxpy(20);
-        let (mut arena, _) = run(&mut program, HostSimd::Portable, 1);
-        arena.write_u32(program.state.y.plus(76), 1);
-        let wrong = program.state.check(&arena).expect_err("word 19 was overwritten");
+        let mut arena = Arena::new();
+        let saxpy = Saxpy::new(&mut arena, 20);
+        run_functional(&saxpy.step(), &mut arena, HostSimd::Portable, 1);
+        arena.write_u32(saxpy.y.plus(76), 1);
+        let wrong = saxpy.check(&arena).expect_err("word 19 was overwritten");
         assert!(wrong.starts_with("y[19] is"), "{wrong}");
     }
 }

@@ -1,14 +1,16 @@
 //! Programs: phases of steps of tasks.
 //!
 //! ```text
-//! Program ─ Phase "grid" ─ Step "bounds"  (tasks 0..n, then a global barrier)
+//! program ─ Phase "grid" ─ Step "bounds"  (tasks 0..n, then a global barrier)
 //!                        ─ Step "count"
 //!         ─ Phase "bin"  ─ …
 //! ```
 //!
-//! A step is made by a host closure when its turn comes, so that it may read totals that earlier steps left in the
-//! arena, allocate arrays of the right size and choose its number of tasks.
+//! A program is a host function that hands its steps to a [`Runner`], one after the other. Between two steps it may read
+//! totals that earlier ones left in the arena, allocate arrays of the right size and choose the number of tasks of the next;
+//! steps of which there are as many as the data wants are a loop.
 
+use core::fmt;
 use core::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -71,27 +73,63 @@ impl Step {
     }
 }
 
-/// A function that makes a step when the turn of the step comes.
-pub type MakeStep<S> = fn(&mut S, &mut Arena) -> Step;
-
 /// A row of the timing table: one or more steps in order.
-pub struct Phase<S> {
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Phase {
     /// The id of the phase, as reports and studies name it.
     pub id: &'static str,
     /// The title of the phase, as tables have it.
     pub title: &'static str,
     /// Whether the published totals of Johnson et al. 2009 contain this phase.
     pub in_paper_total: bool,
-    /// Makers of the steps of the phase, in order.
-    pub steps: Vec<MakeStep<S>>,
 }
 
-/// What a frame takes: phases in order, and what their steps share.
-pub struct Program<S> {
-    /// What the host knows of the frame: addresses, sizes, options.
-    pub state: S,
-    /// The phases, in order: the rows of the timing table.
-    pub phases: Vec<Phase<S>>,
+/// The error of a program whose runner has stopped it; the runner knows why.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Stopped;
+
+impl fmt::Display for Stopped {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("the program was stopped by what runs it")
+    }
+}
+
+impl core::error::Error for Stopped {}
+
+/// What a [`Runner`] does with each step: all of its tasks on the arena, and the global barrier that ends it.
+pub type RunStep<'a> = dyn FnMut(&'static Phase, &Step, &mut Arena) -> Result<(), Stopped> + 'a;
+
+/// What a program hands its steps to.
+pub struct Runner<'a> {
+    /// The arena that the steps run on. Between steps the program reads totals there, and makes arrays.
+    pub arena: &'a mut Arena,
+    /// The phase that steps belong to.
+    phase: Option<&'static Phase>,
+    run_step: &'a mut RunStep<'a>,
+}
+
+impl<'a> Runner<'a> {
+    /// A runner that has `run_step` run every step of a program on `arena`.
+    pub fn new(arena: &'a mut Arena, run_step: &'a mut RunStep<'a>) -> Runner<'a> {
+        Runner { arena, phase: None, run_step }
+    }
+
+    /// Begins `phase`: the steps from here on belong to its row.
+    pub fn phase(&mut self, phase: &'static Phase) {
+        self.phase = Some(phase);
+    }
+
+    /// Runs all tasks of `step`, and the global barrier that ends it.
+    ///
+    /// # Errors
+    /// [`Stopped`], of which the program makes nothing but an end.
+    ///
+    /// # Panics
+    /// Where the program has begun no phase.
+    pub fn run(&mut self, step: &Step) -> Result<(), Stopped> {
+        let phase = self.phase.unwrap_or_else(|| panic!("step `{}` belongs to no phase", step.name()));
+        (self.run_step)(phase, step, self.arena)
+    }
 }
 
 /// Where a machine gets the streams of a step.

@@ -2,10 +2,10 @@
 
 use super::levels;
 use crate::arena::{Addr, Arena, CONSTANT_LINE, Line, STACK_BASE_LINE, STACK_LINES};
-use crate::examples;
+use crate::examples::{Histogram, Saxpy, Transpose};
 use crate::host::HostSimd;
 use crate::kernel::{AnyKernel, Kernel};
-use crate::program::Program;
+use crate::program::Step;
 use crate::stream::{Place, Stream, StreamLine};
 use crate::uop::{Class, Uop};
 use crate::vpu::Vpu;
@@ -130,29 +130,27 @@ fn recorded_programs_are_the_same_bytes_as_ever() {
     fn mix(hash: &mut u64, word: u64) {
         *hash = (*hash ^ word).wrapping_mul(0x0000_0100_0000_01b3).rotate_left(23);
     }
-    fn hash<S>(mut program: Program<S>, simd: HostSimd) -> u64 {
+    fn hash(simd: HostSimd, make: impl Fn(&mut Arena) -> Step) -> u64 {
         let mut arena = Arena::new();
+        let step = make(&mut arena);
         let mut stream = Stream::default();
         let mut hash = 1;
-        for make_step in program.phases.iter().flat_map(|phase| &phase.steps) {
-            let step = make_step(&mut program.state, &mut arena);
-            for task in 0..step.tasks() {
-                stream.clear();
-                step.kernel().record(simd, &arena, task, &mut stream);
-                let lines = stream.lines.iter().map(|line| line.bits());
-                stream.uops.iter().copied().chain(lines).for_each(|word| mix(&mut hash, u64::from(word)));
-                mix(&mut hash, stream.lanes_active);
-                mix(&mut hash, stream.lanes_masked);
-                mix(&mut hash, u64::from(stream.live_vectors_max));
-            }
+        for task in 0..step.tasks() {
+            stream.clear();
+            step.kernel().record(simd, &arena, task, &mut stream);
+            let lines = stream.lines.iter().map(|line| line.bits());
+            stream.uops.iter().copied().chain(lines).for_each(|word| mix(&mut hash, u64::from(word)));
+            mix(&mut hash, stream.lanes_active);
+            mix(&mut hash, stream.lanes_masked);
+            mix(&mut hash, u64::from(stream.live_vectors_max));
         }
         hash
     }
     for simd in levels() {
         let hashes = [
-            hash(examples::saxpy(5001), simd),
-            hash(examples::histogram(3000, 70), simd),
-            hash(examples::transpose(48, 80), simd),
+            hash(simd, |arena| Saxpy::new(arena, 5001).step()),
+            hash(simd, |arena| Histogram::new(arena, 3000, 70).step()),
+            hash(simd, |arena| Transpose::new(arena, 48, 80).step()),
         ];
         let frozen = [0x9976_ff4d_d553_7b9c, 0x1c87_3619_7292_6f36, 0x9f4e_59fd_47e8_3731];
         assert_eq!(hashes, frozen, "{simd}: {hashes:#x?}");

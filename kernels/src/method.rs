@@ -1,0 +1,37 @@
+//! Methods: what computes shadows on a simulated machine, and the list of those that there are.
+
+use lrbsim_isa::options::{Entry, Options};
+use lrbsim_isa::{Phase, Runner, Stopped};
+use lrbsim_workloads::ShadowInput;
+
+/// A way to compute how much of a light each receiver sees.
+pub trait Method: Sync {
+    /// What users choose the method by: its name, and the options that it takes.
+    fn entry(&self) -> Entry;
+
+    /// All phases that the method can have, in order. A program may leave out what a scene does not need.
+    fn phases(&self) -> &'static [Phase];
+
+    /// The program of one frame: copies `input` into the arena of `runner`, untimed, and hands over its steps.
+    ///
+    /// # Errors
+    /// [`Stopped`] where the runner stops the program.
+    fn run(
+        &self,
+        options: &Options,
+        input: &ShadowInput,
+        runner: &mut Runner<'_>,
+    ) -> Result<Shadows, Stopped>;
+}
+
+/// What a method found out about a frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Shadows {
+    /// Visible part of the light in [0, 1], one a receiver, in the order of the input.
+    pub visibility: Vec<f32>,
+    /// Number of edges that are silhouettes as seen from the light; `None` where the method looked for none.
+    pub silhouette_edges: Option<u64>,
+}
+
+/// All methods; the first is the one that runs where users name none.
+pub static METHODS: [&dyn Method; 1] = [&crate::sism::Sism];

@@ -1,0 +1,298 @@
+//! What users choose by name, with options: `NAME` or `NAME:KEY=VALUE,…`, as methods and fidelities are.
+//!
+//! An [`Entry`] says once what there is to choose and what is allowed. Parsing, help, schemas and pages of documentation are
+//! made from it.
+
+use core::fmt;
+
+/// Something that users choose by its name.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Entry {
+    /// The name, as users write it.
+    pub name: &'static str,
+    /// What it is, in a few words without a full stop.
+    pub about: &'static str,
+    /// The options that it takes, in the order in which they are shown.
+    pub options: &'static [OptionSpec],
+}
+
+/// An option of an [`Entry`]: its name, what it does and which values it takes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OptionSpec {
+    /// The name before the `=`.
+    pub name: &'static str,
+    /// What the option decides, in a few words without a full stop.
+    pub about: &'static str,
+    /// The values that the option takes.
+    pub values: Values,
+    /// The value where users give none, as they would write it.
+    pub default: &'static str,
+}
+
+/// The values that an option takes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Values {
+    /// One of several words.
+    OneOf(&'static [Word]),
+    /// A whole number between two limits, both allowed.
+    Whole(u32, u32),
+    /// A number between two limits, both allowed.
+    Number(f64, f64),
+}
+
+/// A word that an option takes, and what it means.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Word {
+    /// The word, as users write it.
+    pub name: &'static str,
+    /// What it means, in a few words without a full stop.
+    pub about: &'static str,
+}
+
+/// The options of an [`Entry`] with a value for each.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    specs: &'static [OptionSpec],
+    /// The value of each option.
+    values: Vec<Value>,
+}
+
+/// The value of an option.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Value {
+    /// The number of the word in its list.
+    Word(usize),
+    Whole(u32),
+    Number(f64),
+}
+
+/// A choice that cannot be had: says what was written, and what would be right.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ChoiceError(String);
+
+impl fmt::Display for ChoiceError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl core::error::Error for ChoiceError {}
+
+/// The entry that `text` chooses among `entries`, by its number, with its options. `kind` says in messages what is chosen.
+///
+/// # Errors
+/// [`ChoiceError`] where there is no such entry, or it does not take these options.
+pub fn choose(
+    kind: &'static str,
+    text: &str,
+    entries: impl Iterator<Item = Entry> + Clone,
+) -> Result<(usize, Options), ChoiceError> {
+    let (name, options) = text.split_once(':').unwrap_or((text, ""));
+    let found = entries.clone().enumerate().find(|(_, entry)| entry.name == name);
+    let Some((number, entry)) = found else {
+        let names: Vec<&str> = entries.map(|entry| entry.name).collect();
+        return Err(ChoiceError(format!("`{name}` is no {kind}; it must be {}", list(&names))));
+    };
+    Ok((number, entry.options(options)?))
+}
+
+impl Entry {
+    /// The options that `text` gives, `KEY=VALUE,…`, and the defaults of all others.
+    ///
+    /// # Errors
+    /// [`ChoiceError`] where the entry does not take these options.
+    pub fn options(&self, text: &str) -> Result<Options, ChoiceError> {
+        let mut values: Vec<Option<Value>> = vec![None; self.options.len()];
+        for written in text.split(',').filter(|written| !written.is_empty()) {
+            let found = written.split_once('=').and_then(|(name, value)| {
+                let number = self.options.iter().position(|spec| spec.name == name)?;
+                Some((number, value))
+            });
+            let Some((number, value)) = found else {
+                let right = self.forms();
+                return Err(ChoiceError(format!("`{written}` is no option of `{}`; {right}", self.name)));
+            };
+            let spec = &self.options[number];
+            let parsed = spec.values.parse(value).ok_or_else(|| {
+                let (option, of, right) = (spec.name, self.name, spec.values);
+                ChoiceError(format!("`{option}` of `{of}` is `{value}`; it must be {right}"))
+            })?;
+            if values[number].replace(parsed).is_some() {
+                return Err(ChoiceError(format!("`{}` of `{}` is there twice", spec.name, self.name)));
+            }
+        }
+        let or_default = |(value, spec): (Option<Value>, &OptionSpec)| {
+            value
+                .or_else(|| spec.values.parse(spec.default))
+                .expect("a default is a value that the option takes")
+        };
+        Ok(Options {
+            specs: self.options,
+            values: values.into_iter().zip(self.options).map(or_default).collect(),
+        })
+    }
+
+    /// Which options there are, as a clause: "it must be `form=…` or `lights=…`".
+    fn forms(&self) -> String {
+        let forms: Vec<String> = self.options.iter().map(|spec| format!("{}=…", spec.name)).collect();
+        match forms.is_empty() {
+            true => "it takes none".to_owned(),
+            false => format!("it must be {}", list(&forms)),
+        }
+    }
+}
+
+impl Values {
+    /// The value that `text` is; `None` where it is none of these.
+    fn parse(&self, text: &str) -> Option<Value> {
+        match *self {
+            Values::OneOf(words) => words.iter().position(|word| word.name == text).map(Value::Word),
+            Values::Whole(least, most) => {
+                text.parse().ok().filter(|x| (least..=most).contains(x)).map(Value::Whole)
+            }
+            Values::Number(least, most) => {
+                text.parse().ok().filter(|x| (least..=most).contains(x)).map(Value::Number)
+            }
+        }
+    }
+}
+
+impl fmt::Display for Values {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Values::OneOf(words) => {
+                f.write_str(&list(&words.iter().map(|word| word.name).collect::<Vec<_>>()))
+            }
+            Values::Whole(least, most) => write!(f, "a whole number from {least} to {most}"),
+            Values::Number(least, most) => write!(f, "a number from {least} to {most}"),
+        }
+    }
+}
+
+impl Options {
+    /// The number of the word that `option` has, in the list of its words.
+    ///
+    /// # Panics
+    /// Where there is no such option or it takes no words: a slip of who asks, not of users.
+    pub fn word(&self, option: &str) -> usize {
+        match self.value(option) {
+            Value::Word(number) => number,
+            other => panic!("option `{option}` is {other:?} and no word"),
+        }
+    }
+
+    /// The whole number that `option` has.
+    ///
+    /// # Panics
+    /// Where there is no such option or it takes no whole number: a slip of who asks, not of users.
+    pub fn whole(&self, option: &str) -> u32 {
+        match self.value(option) {
+            Value::Whole(number) => number,
+            other => panic!("option `{option}` is {other:?} and no whole number"),
+        }
+    }
+
+    /// The number that `option` has.
+    ///
+    /// # Panics
+    /// Where there is no such option or it takes no number: a slip of who asks, not of users.
+    pub fn number(&self, option: &str) -> f64 {
+        match self.value(option) {
+            Value::Number(number) => number,
+            other => panic!("option `{option}` is {other:?} and no number"),
+        }
+    }
+
+    fn value(&self, option: &str) -> Value {
+        let number = self.specs.iter().position(|spec| spec.name == option);
+        self.values[number.unwrap_or_else(|| panic!("there is no option `{option}`"))]
+    }
+}
+
+/// All options with their values, as they can be written: `form=exact,lights=4`.
+impl fmt::Display for Options {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (i, (spec, value)) in self.specs.iter().zip(&self.values).enumerate() {
+            let comma = if i == 0 { "" } else { "," };
+            write!(f, "{comma}{}=", spec.name)?;
+            match (*value, spec.values) {
+                (Value::Word(number), Values::OneOf(words)) => f.write_str(words[number].name)?,
+                (Value::Word(number), _) => unreachable!("word {number} of an option without words"),
+                (Value::Whole(number), _) => write!(f, "{number}")?,
+                (Value::Number(number), _) => write!(f, "{number}")?,
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Names as a sentence lists them: "`a`, `b` or `c`".
+fn list(names: &[impl fmt::Display]) -> String {
+    let mut text = String::new();
+    for (i, name) in names.iter().enumerate() {
+        let before = match (i, i + 1 == names.len()) {
+            (0, _) => "",
+            (_, true) => " or ",
+            (_, false) => ", ",
+        };
+        text.push_str(&format!("{before}`{name}`"));
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const BREW: Entry = Entry {
+        name: "brew",
+        about: "boils water",
+        options: &[
+            OptionSpec {
+                name: "leaf",
+                about: "what is in it",
+                values: Values::OneOf(&[
+                    Word { name: "green", about: "steamed" },
+                    Word { name: "black", about: "oxidized" },
+                ]),
+                default: "black",
+            },
+            OptionSpec { name: "cups", about: "how many", values: Values::Whole(1, 12), default: "2" },
+            OptionSpec { name: "heat", about: "how hot", values: Values::Number(0.5, 1.0), default: "0.9" },
+        ],
+    };
+    const REST: Entry = Entry { name: "rest", about: "does nothing", options: &[] };
+
+    fn chosen(text: &str) -> Result<(usize, Options), ChoiceError> {
+        choose("way", text, [REST, BREW].into_iter())
+    }
+
+    #[test]
+    fn what_is_not_written_has_its_default_and_what_is_shown_can_be_read() {
+        let (number, options) = chosen("brew:cups=3").expect("a choice");
+        assert_eq!((number, options.word("leaf"), options.whole("cups")), (1, 1, 3));
+        assert_eq!(options.number("heat"), 0.9);
+        assert_eq!(options.to_string(), "leaf=black,cups=3,heat=0.9");
+        assert_eq!(chosen(&format!("brew:{options}")), Ok((number, options)));
+        assert_eq!(
+            chosen("rest:").map(|(number, options)| (number, options.to_string())),
+            Ok((0, String::new()))
+        );
+    }
+
+    #[test]
+    fn what_cannot_be_had_is_refused_with_what_would_be_right() {
+        for (text, message) in [
+            ("", "`` is no way; it must be `rest` or `brew`"),
+            ("brow:cups=3", "`brow` is no way; it must be `rest` or `brew`"),
+            ("rest:long", "`long` is no option of `rest`; it takes none"),
+            ("brew:cup=3", "`cup=3` is no option of `brew`; it must be `leaf=…`, `cups=…` or `heat=…`"),
+            ("brew:leaf=red", "`leaf` of `brew` is `red`; it must be `green` or `black`"),
+            ("brew:cups=0", "`cups` of `brew` is `0`; it must be a whole number from 1 to 12"),
+            ("brew:heat=nan", "`heat` of `brew` is `nan`; it must be a number from 0.5 to 1"),
+            ("brew:cups=3,cups=4", "`cups` of `brew` is there twice"),
+        ] {
+            assert_eq!(chosen(text).expect_err("refused").to_string(), message);
+        }
+    }
+}
