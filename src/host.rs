@@ -16,7 +16,7 @@ impl Stopwatch {
         Stopwatch(Instant::now())
     }
 
-    /// Time since the start.
+    /// Time since the stopwatch was started.
     pub fn elapsed(&self) -> Duration {
         self.0.elapsed()
     }

@@ -10,7 +10,7 @@ use crate::error::BadInput;
 pub struct Setting {
     /// Path from the root, such as `l2.capacity_bytes`; elements of a list have their number, as in `light.center.1`.
     pub path: String,
-    /// The new value.
+    /// The new value of the field.
     pub value: Value,
     /// Who asked for the change, for messages: `--set cores=8`.
     pub said: String,

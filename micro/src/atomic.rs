@@ -23,11 +23,11 @@ pub enum LockedLine {
 /// The instruction that the benchmark times on a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum LineOperation {
-    /// A plain store.
+    /// The operation is a plain store.
     Store,
-    /// A locked add.
+    /// The operation is a locked add.
     Add,
-    /// A locked compare-exchange.
+    /// The operation is a locked compare-exchange.
     CompareExchange,
 }
 

@@ -27,7 +27,7 @@ pub(crate) struct Placement {
 }
 
 impl Threads {
-    /// Number of threads.
+    /// How many threads there are.
     pub fn count(self) -> u32 {
         match self {
             Threads::Spread(threads) | Threads::OnCore { threads, .. } => threads,
@@ -66,7 +66,7 @@ impl Threads {
 impl Placement {
     const IDLE: i32 = -1;
 
-    /// The table, for [`start`].
+    /// The table of places where threads start, for [`start`].
     pub(crate) fn table(&self) -> Addr {
         self.table
     }

@@ -36,7 +36,7 @@ pub struct Change {
     pub a_ps: i64,
     /// Picoseconds in run B.
     pub b_ps: i64,
-    /// B minus A.
+    /// Picoseconds in run B less those in run A.
     pub change_ps: i64,
 }
 
@@ -45,7 +45,7 @@ pub struct Change {
 pub struct PhaseChange {
     /// Stable name of the phase.
     pub id: String,
-    /// Title for people.
+    /// Title of the phase for people.
     pub title: String,
     /// Time of the phase in both runs.
     pub time: Change,
@@ -56,7 +56,7 @@ pub struct PhaseChange {
 /// One input that differs.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Difference {
-    /// Path in the report.
+    /// Path of the input in the report.
     pub path: String,
     /// Value of the input in run A; null where it is missing.
     pub a: Value,
@@ -76,7 +76,7 @@ pub enum PictureChange {
     OtherSize,
     /// Visibility differs, in steps of 1/255.
     By {
-        /// Pixels that differ.
+        /// How many pixels differ.
         pixels: u64,
         /// Part of all pixels, in [0, 1].
         part: f64,

@@ -15,7 +15,7 @@ use crate::picture::sha256;
 pub struct FileError {
     /// What was tried: `cannot create`, `cannot write`, …
     pub action: &'static str,
-    /// The file or folder.
+    /// The file or folder that it was tried with.
     pub path: PathBuf,
     /// What the operating system said.
     pub source: io::Error,

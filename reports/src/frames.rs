@@ -30,7 +30,7 @@ pub struct FramesReport {
     pub frames: Vec<FrameSummary>,
 }
 
-/// One frame.
+/// One frame of a moving scene in numbers.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FrameSummary {

@@ -7,9 +7,9 @@ use serde_json::Value;
 /// A table: every row has a cell for every column.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Sheet {
-    /// Titles, unit included.
+    /// Titles of the columns, unit included.
     pub columns: Vec<String>,
-    /// Cells, row by row.
+    /// Cells of the table, row by row.
     pub rows: Vec<Vec<Cell>>,
 }
 

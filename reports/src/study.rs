@@ -83,7 +83,7 @@ pub struct StudyAxis {
     /// A field of the machine (`cores`, `l2.capacity_bytes`), or one of `scene`, `machine`, `algorithm`, `fidelity`,
     /// `warm_frames`, `time`, or a field of the scene (`scene.light.radius`).
     pub path: String,
-    /// Values, in their order.
+    /// Values of the axis, in their order.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub values: Vec<Value>,
     /// Least value of the axis's range.

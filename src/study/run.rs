@@ -458,11 +458,13 @@ impl<'a> Crew<'a> {
 
 /// How it went when a worker took a point.
 enum Attempt {
-    /// Another process is at it.
+    /// Another process computes the point.
     Busy,
-    /// Another process was.
+    /// Another process has finished the point.
     Found(Box<Entry>),
+    /// The worker has computed the point.
     Computed(Box<Entry>),
+    /// The point cannot be computed, for this reason.
     Failed(String),
 }
 

@@ -14,7 +14,7 @@ use crate::inputs::Machine;
 pub struct Experiment {
     /// What the part and the conditions of the measurement change of the machine, as `PATH=VALUE`.
     pub settings: Vec<String>,
-    /// What is run.
+    /// The benchmark that is run.
     pub bench: Bench,
 }
 
@@ -33,7 +33,7 @@ pub struct Outcome {
     pub counts: Counts,
 }
 
-/// What the machine counted.
+/// What the machine counted in an experiment.
 #[derive(Debug, Clone, Copy)]
 pub struct Counts {
     /// Accesses of L1 data caches.
@@ -99,7 +99,7 @@ impl Experiment {
         }
     }
 
-    /// Runs it.
+    /// Runs the experiment.
     pub(super) fn run(&self, machine: &Machine, fidelity: Fidelity) -> Result<Outcome, BadInput> {
         let mut settings: Vec<Setting> =
             self.settings.iter().map(|text| text.parse()).collect::<Result<_, BadInput>>()?;

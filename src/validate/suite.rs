@@ -12,7 +12,7 @@ type Formula = Box<dyn Fn(&[&Outcome]) -> f64 + Send + Sync>;
 
 /// How a row is measured.
 pub(super) struct Plan {
-    /// What is run.
+    /// The experiments that are run.
     pub(super) experiments: Vec<Experiment>,
     /// What comes out of it, in the row's unit.
     pub(super) value: Formula,

@@ -23,10 +23,10 @@ pub enum Light {
         /// Middle of the light.
         #[schemars(with = "[f64; 3]")]
         center: DVec3,
-        /// Across the disc, any length but 0.
+        /// Direction across the disc, any length but 0.
         #[schemars(with = "[f64; 3]")]
         normal: DVec3,
-        /// 0 or more.
+        /// Radius of the disc, 0 or more.
         radius: f64,
     },
     /// The parallelogram `center + s half_u + t half_v`, s and t in [-1, 1]. No kernel draws it yet: scenes with one
@@ -35,10 +35,10 @@ pub enum Light {
         /// Middle of the light.
         #[schemars(with = "[f64; 3]")]
         center: DVec3,
-        /// Half of one side.
+        /// Half of one side of the parallelogram.
         #[schemars(with = "[f64; 3]")]
         half_u: DVec3,
-        /// Half of the other side.
+        /// Half of the other side of the parallelogram.
         #[schemars(with = "[f64; 3]")]
         half_v: DVec3,
     },

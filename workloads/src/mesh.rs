@@ -73,7 +73,7 @@ impl Bounds {
     /// The box that holds nothing.
     pub const EMPTY: Self = Self { min: DVec3::INFINITY, max: DVec3::NEG_INFINITY };
 
-    /// Grows to hold `point`.
+    /// Grows the box to hold `point`.
     pub fn add(&mut self, point: DVec3) {
         self.min = self.min.min(point);
         self.max = self.max.max(point);

@@ -25,7 +25,7 @@ const PAGE: &str = include_str!("page.js");
 pub struct Picture {
     /// What the picture shows, as its caption.
     pub title: String,
-    /// The picture itself.
+    /// The picture itself as a data URL.
     url: String,
 }
 

@@ -38,9 +38,9 @@ pub struct Axis {
 pub struct Series {
     /// Name of the series, as the legend has it.
     pub name: String,
-    /// How it is drawn.
+    /// How the series is drawn.
     pub look: Look,
-    /// x and y.
+    /// Points of the series, x and y of each.
     pub points: Vec<(f64, f64)>,
 }
 

@@ -48,7 +48,7 @@ pub struct Validation {
     pub machine: String,
     /// How much of it was modeled.
     pub fidelity: String,
-    /// All rows together.
+    /// What the rows come to together.
     pub summary: Summary,
     /// The rows in the order of the targets file.
     pub rows: Vec<Row>,
@@ -90,7 +90,7 @@ pub struct Summary {
 pub struct ModelError {
     /// The machine that was validated; times of others rest on the same model with other parameters.
     pub machine: String,
-    /// At which fidelity.
+    /// The fidelity at which the machine was validated.
     pub fidelity: String,
     /// Published figures of high confidence that were compared.
     pub rows: u32,
@@ -98,7 +98,7 @@ pub struct ModelError {
     pub inside: u32,
     /// Mean of their absolute errors, percent.
     pub mean_error_percent: f64,
-    /// Greatest of them, percent.
+    /// Greatest of the absolute errors of these figures, percent.
     pub worst_error_percent: f64,
     /// Mean over the rows by which no parameter was chosen, percent.
     pub held_out_mean_error_percent: f64,

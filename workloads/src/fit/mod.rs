@@ -31,7 +31,7 @@ const IMAGE: ImageSize = ImageSize { width: 640, height: 480 };
 pub struct FitInfo {
     /// The mesh is a room: the light is inside it, and the camera too unless one side is open.
     pub interior: bool,
-    /// A floor was added.
+    /// Whether a floor was added to the mesh.
     pub floor_added: bool,
 }
 
@@ -40,9 +40,9 @@ pub struct FitInfo {
 pub struct Fitted {
     /// Where the mesh is seen from.
     pub camera: Camera,
-    /// A sphere light.
+    /// The fitted light, a sphere.
     pub light: Light,
-    /// How they were found.
+    /// What was fitted besides camera and light.
     pub info: FitInfo,
 }
 

@@ -32,7 +32,7 @@ pub enum ObjError {
     Line {
         /// Path of the file.
         path: String,
-        /// Line, from 1.
+        /// Line of the file, from 1.
         line: usize,
         /// The text that was found there.
         found: String,

@@ -15,7 +15,7 @@ use crate::{fit, obj};
 pub enum SceneName {
     /// A scene inside the program, by its name.
     Shipped(&'static str),
-    /// A scene file.
+    /// A scene file, by its path.
     File(PathBuf),
     /// An OBJ file that is a scene by itself: its view is fitted.
     Model(PathBuf),

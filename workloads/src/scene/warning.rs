@@ -14,7 +14,7 @@ use crate::obj::LeftOut;
 pub enum SceneWarning {
     /// The OBJ file has lines that were not understood.
     LeftOut {
-        /// File that has them.
+        /// Name of the OBJ file that has the lines.
         file: String,
         /// Word that the lines begin with, the first of them, and their number.
         lines: LeftOut,
