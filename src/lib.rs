@@ -19,6 +19,7 @@
 //! ```
 
 mod algorithm;
+pub mod choices;
 mod engine;
 mod error;
 mod frame;

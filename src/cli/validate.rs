@@ -46,11 +46,8 @@ pub(crate) struct ValidateArgs {
 /// Runs the benchmarks; false when a row that must pass does not.
 pub(crate) fn run(args: &ValidateArgs, out: &mut impl Write) -> Result<bool, Failure> {
     on_interrupt(|| ());
-    let fidelity: Fidelity = args
-        .fidelity
-        .parse()
-        .map_err(|error: lrbsim_machine::FidelityError| BadInput::new(error.to_string()))?;
-    if fidelity == Fidelity::Functional {
+    let fidelity: Fidelity = args.fidelity.parse().map_err(BadInput::from)?;
+    if !fidelity.is_timed() {
         return Err(
             BadInput::new("`--fidelity functional` has no times; it must be windowed or cycle").into()
         );

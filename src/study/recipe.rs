@@ -214,7 +214,7 @@ impl Recipe {
 
     /// The fidelity.
     pub fn fidelity(&self) -> Result<Fidelity, BadInput> {
-        Fidelity::from_str(&self.fidelity).map_err(|error| BadInput::new(error.to_string()))
+        Ok(Fidelity::from_str(&self.fidelity)?)
     }
 
     /// Frames before the measured one.

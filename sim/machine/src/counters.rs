@@ -1,5 +1,6 @@
 //! What a step leaves to report: integers only, which add up; ratios are derived when they are shown.
 
+use lrbsim_isa::OpCounts;
 use lrbsim_isa::uop::Class;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -287,6 +288,8 @@ pub struct StepReport {
     pub steps: u64,
     /// Simulated core cycles, barrier included.
     pub cycles: u64,
+    /// Variance of `cycles`, where they were extrapolated from a sample; 0 where every task was timed.
+    pub cycles_variance: u64,
     /// Tasks run.
     pub tasks: u64,
     /// Uops by class, indexed by class byte.
@@ -325,6 +328,7 @@ impl Default for StepReport {
         StepReport {
             steps: 0,
             cycles: 0,
+            cycles_variance: 0,
             tasks: 0,
             class_counts: [0; Class::COUNT],
             issued: 0,
@@ -343,10 +347,25 @@ impl Default for StepReport {
     }
 }
 
+impl StepReport {
+    /// What `tasks` tasks did that were run without being timed.
+    pub fn of_counts(tasks: u32, counts: &OpCounts) -> StepReport {
+        StepReport {
+            tasks: u64::from(tasks),
+            issued: counts.total(),
+            lanes_active: counts.lanes_active(),
+            lanes_masked: counts.lanes_masked,
+            class_counts: counts.class_counts,
+            ..StepReport::default()
+        }
+    }
+}
+
 impl AddAssign<&StepReport> for StepReport {
     fn add_assign(&mut self, other: &StepReport) {
         self.steps += other.steps;
         self.cycles += other.cycles;
+        self.cycles_variance += other.cycles_variance;
         self.tasks += other.tasks;
         for (sum, count) in self.class_counts.iter_mut().zip(other.class_counts) {
             *sum += count;
