@@ -1,5 +1,6 @@
-//! Host speed of the phases that take longest, one host thread: simulated instructions a second, and host instructions for
-//! each, at every stage of a timed frame. And what a second host thread gives: whole frames at `windowed`, phase by phase.
+//! Host speed of the phases that take longest, one host thread: simulated instructions a second, and host instructions
+//! for each, at every stage of a timed frame. And what a second host thread gives: whole frames at `windowed`, phase by
+//! phase.
 //!
 //! ```text
 //! cargo bench --bench frame

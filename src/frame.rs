@@ -250,7 +250,9 @@ fn warnings(scene: &Scene, eye: &EyeView) -> Vec<Warning> {
     warnings.extend(scene.warnings().iter().map(|warning| Warning {
         kind: match warning {
             SceneWarning::LeftOut { .. } => WarningKind::LinesLeftOut,
-            SceneWarning::LightTouches { .. } => WarningKind::LightInGeometry,
+            SceneWarning::LightTouches { .. } | SceneWarning::LightEnclosed { .. } => {
+                WarningKind::LightInGeometry
+            }
         },
         message: warning.to_string(),
     }));

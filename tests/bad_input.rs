@@ -13,7 +13,7 @@ const SCENE: &str = r#"{
 "#;
 const TRIANGLE: &str = "v -1 0 -1\nv 1 0 -1\nv 0 0 1\nf 1 2 3\n";
 
-/// The shipped machine with one piece of its text replaced.
+/// The shipped machine with one part of its text replaced.
 fn machine_file(folder: &Folder, from: &str, to: &str) {
     let text = lrbsim_machine::builtin_machine("larrabee-24").expect("shipped");
     assert!(text.contains(from), "`{from}` is not in larrabee-24.json");

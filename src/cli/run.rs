@@ -6,7 +6,7 @@ use std::str::FromStr;
 
 use clap::Args;
 use lrbsim::choices;
-use lrbsim::outcomes::replaced_run;
+use lrbsim::written::replaced_run;
 use lrbsim::{
     Algorithm, BadInput, HostOptions, Machine, RunRequest, Setting, frames, inputs, results, run_frame,
 };
@@ -100,13 +100,12 @@ pub(crate) fn run(args: &RunArgs, out: &mut impl Write) -> Result<(), Failure> {
     let algorithm = Algorithm::from_str(&args.algorithm)?;
     let fidelity = Fidelity::from_str(&args.fidelity).map_err(BadInput::from)?;
     let host = host_options(args)?;
-    let settings: Vec<Setting> =
-        args.settings.iter().map(|text| text.parse()).collect::<Result<_, BadInput>>()?;
-    let machine = Machine::load(&args.machine, &settings)?;
+    let machine = Machine::load(&args.machine, &Setting::all(&args.settings)?)?;
     let size = args.size.as_deref().map(parse_size).transpose()?;
     let bar = Bar::new(std::io::stderr().is_terminal());
     bar.note("loading");
-    let mut scene = inputs::scene(&args.scene)?;
+    let name = inputs::scene_name(&args.scene)?;
+    let mut scene = inputs::scene_with(&name, &[])?;
     if let Some((width, height)) = size {
         inputs::resize(&mut scene, width, height)?;
     }
@@ -120,7 +119,7 @@ pub(crate) fn run(args: &RunArgs, out: &mut impl Write) -> Result<(), Failure> {
         Some(target) => target.clone(),
         None => results::default_dir(&scene.name, &machine.config.name, &algorithm, &asked(args)),
     };
-    let mut files_read = inputs::scene_files(&args.scene, &scene);
+    let mut files_read = name.files(&scene);
     files_read.extend(inputs::machine_file(&args.machine));
     let mut names = results::names(args.dump);
     names.extend(args.frames.iter().flat_map(|_| frames::FILES));
