@@ -207,7 +207,7 @@ counters! {
         misses,
         /// Accesses that found the line on its way and waited for the same fill.
         merged,
-        /// Of the misses: the line was there, but only to read.
+        /// Misses of lines that were there, but only to read.
         upgrades,
         /// Modified lines given to the level below.
         writebacks,
@@ -239,7 +239,7 @@ counters! {
     DirectoryCounters {
         /// Transactions served.
         transactions,
-        /// Of those, the ones that got the line from another core.
+        /// Transactions that got the line from another core.
         forwards,
         /// Invalidations sent.
         invalidations,
@@ -259,7 +259,7 @@ counters! {
         bytes,
         /// Accesses that found their row open.
         row_hits,
-        /// Accesses that had to open it.
+        /// Accesses that had to open their row.
         row_misses,
         /// Cycles that accesses waited for banks and channels.
         wait_cycles,
@@ -271,7 +271,7 @@ counters! {
     AtomicCounters {
         /// Line accesses by locked operations of tasks.
         operations,
-        /// Of those, the ones that had to fetch the line or its ownership.
+        /// Line accesses by locked operations that had to fetch the line or its ownership.
         transfers,
         /// Locked adds on the task counter.
         task_pulls,
