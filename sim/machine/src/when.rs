@@ -29,6 +29,12 @@ impl When {
         When(self.0 + 16)
     }
 
+    /// The beginning of its cycle, so many cycles later.
+    #[inline(always)]
+    pub(crate) const fn bare_and_later(self, cycles: Cycle) -> When {
+        When((self.0 & !15) + (cycles << 4))
+    }
+
     /// Of a bare time.
     #[inline(always)]
     pub(crate) const fn plus(self, span: Span) -> When {

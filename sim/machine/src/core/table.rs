@@ -81,9 +81,9 @@ const ANYTHING: u8 = 128;
 
 /// Loads have this place in [`KINDS`].
 const LOAD: u64 = 2;
-/// Stores have this one.
+/// Stores have this place in [`KINDS`].
 const STORE: u64 = 3;
-/// Streaming stores have this one.
+/// Streaming stores have this place in [`KINDS`].
 const STREAM_STORE: u64 = 4;
 const _: () = assert!(
     matches!(KINDS[LOAD as usize], Kind::Access(Intent::Read))

@@ -73,19 +73,23 @@ impl Thread {
         let (mut pc, mut next, mut free) = (self.pc, self.next, window.free);
         let mut row = self.row;
         let mut full = false;
+        // When the next slot may be: only the first issue can be due before the window. From here to there goes what the host
+        // waits for, uop after uop, so that every step counts.
+        let mut from = next.max(start);
         // The stream has a uop at `pc`: else the thread would not run.
         while next < end {
-            let earliest = next.max(start).at() - window.start;
-            let Some(left) = NonZeroU64::new(free & u64::MAX << earliest) else {
+            let earliest = from.at() - window.start;
+            let Some(left) = NonZeroU64::new(free >> earliest) else {
                 full = true;
                 break;
             };
-            let slot = left.trailing_zeros();
+            let wait = u64::from(left.trailing_zeros());
+            let slot = earliest + wait;
             free &= !(1 << slot);
             window.causes[slot as usize % WINDOW_MAX as usize] = next.cause_index();
-            let now = When::bare(window.start + u64::from(slot));
+            let now = from.bare_and_later(wait);
             match self.issue(tables, shared, now, window.end, &mut pc, &mut row) {
-                Ok(go_on) => next = go_on,
+                Ok(go_on) => (next, from) = (go_on, go_on),
                 Err(held) => {
                     next = held;
                     break;
