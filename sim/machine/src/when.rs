@@ -29,6 +29,12 @@ impl When {
         When(self.0 + 16)
     }
 
+    /// The beginning of the cycle of this time, so many cycles later.
+    #[inline(always)]
+    pub(crate) const fn bare_and_later(self, cycles: Cycle) -> When {
+        When((self.0 & !15) + (cycles << 4))
+    }
+
     /// A bare time, later by `span`.
     #[inline(always)]
     pub(crate) const fn plus(self, span: Span) -> When {

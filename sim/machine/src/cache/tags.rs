@@ -80,8 +80,8 @@ pub(crate) struct Tags {
     /// A bit for every way.
     all_ways: u16,
     groups_per_set: u32,
-    /// `sets - 1` when the number of sets is a power of two.
-    mask: Option<u32>,
+    /// `sets - 1` when the number of sets is a power of two, else 0.
+    mask: u32,
 }
 
 impl Tags {
@@ -104,20 +104,17 @@ impl Tags {
             ways,
             all_ways: ((1_u32 << ways) - 1) as u16,
             groups_per_set,
-            mask: sets.is_power_of_two().then(|| sets - 1),
+            mask: if sets.is_power_of_two() { sets - 1 } else { 0 },
         }
     }
 
     pub(crate) fn absent() -> Tags {
-        Tags { groups: Vec::new(), sets: 0, ways: 0, all_ways: 0, groups_per_set: 0, mask: Some(0) }
+        Tags { groups: Vec::new(), sets: 1, ways: 0, all_ways: 0, groups_per_set: 0, mask: 0 }
     }
 
     #[inline(always)]
     fn first_group(&self, line: u32) -> usize {
-        let set = match self.mask {
-            Some(mask) => line & mask,
-            None => line % self.sets,
-        };
+        let set = if self.mask != 0 { line & self.mask } else { line % self.sets };
         (set * self.groups_per_set) as usize
     }
 

@@ -30,7 +30,8 @@ impl Core {
             let thread = &mut self.threads[index];
             self.stack.issue(now, thread.next);
             let (mut pc, mut row) = (thread.pc, thread.row);
-            let next = thread.issue(tables, &mut self.shared, When::bare(now), end, &mut pc, &mut row);
+            let (Ok(next) | Err(next)) =
+                thread.issue(tables, &mut self.shared, When::bare(now), end, &mut pc, &mut row);
             (thread.pc, thread.next, thread.row) = (pc, next, row);
             thread.stop_issuing();
             self.turn = index;

@@ -270,8 +270,8 @@ impl Core {
 
 impl Thread {
     /// Issues the uop at `pc`, whose class has `row`, at `now`, a bare time, and the one after it if they pair; moves `pc` and
-    /// `row` past them. Returns when the thread can go on; [`When::NEVER`] when the uncore or more lines that are not due
-    /// before `end` decide.
+    /// `row` past them. Returns when the thread can go on, `Err` when there it has come to the end of its stream;
+    /// [`When::NEVER`] when the uncore or more lines that are not due before `end` decide.
     #[inline(always)]
     fn issue(
         &mut self,
@@ -281,26 +281,26 @@ impl Thread {
         end: Cycle,
         pc: &mut usize,
         row: &mut Row,
-    ) -> When {
+    ) -> Result<When, When> {
         let free = now.plus(tables.issue_interval);
         let first_row = *row;
         let held = self.execute(tables, shared, now, end, free, *pc, *row);
         *pc += 1;
         self.held = held;
-        let Some(uop) = self.stream.uops.get(*pc).copied() else { return held };
+        let Some(uop) = self.stream.uops.get(*pc).copied() else { return Err(held) };
 
         // The second pipe: the next uop, if its sources are there now and the two need different things.
         *row = tables.row(uop);
         let sources = self.sources(uop, *pc, *row);
         if !(first_row.pairs_with(*row) && held == free && sources.are_there(now)) {
-            return sources.after(held);
+            return Ok(sources.after(held));
         }
         let held = self.execute(tables, shared, now, end, free, *pc, *row);
         *pc += 1;
         self.held = held;
-        let Some(uop) = self.stream.uops.get(*pc).copied() else { return held };
+        let Some(uop) = self.stream.uops.get(*pc).copied() else { return Err(held) };
         *row = tables.row(uop);
-        self.sources(uop, *pc, *row).after(held)
+        Ok(self.sources(uop, *pc, *row).after(held))
     }
 
     /// After a run of issues: notices that a walk has more lines, or that the stream has come to its end.
@@ -359,10 +359,6 @@ impl Thread {
     ) -> When {
         let uop = self.stream.uops[pc];
         let row = tables.row(uop);
-        if row.is_branch() {
-            // Nobody reads its result.
-            return now.plus(row.latency());
-        }
         let lines = uop >> 24;
         if lines == 1
             && let Some(intent) = row.loads_or_stores()
@@ -381,6 +377,10 @@ impl Thread {
         }
         if let Some(intent) = row.loads_or_stores() {
             return self.load_or_store(tables, shared, (pc, row, lines), intent, now, end);
+        }
+        if row.is_branch() {
+            // Nobody reads its result.
+            return now.plus(row.latency());
         }
         self.begin_walk(tables, shared, (pc, row, lines), now, end)
     }

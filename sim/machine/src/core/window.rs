@@ -7,12 +7,14 @@ use super::{Core, CoreTables, Shared, State, Thread};
 use crate::Cycle;
 use crate::cache::WINDOW_MAX;
 use crate::when::When;
+use std::num::NonZeroU64;
 
 /// A window under way.
 struct Window {
     start: Cycle,
     end: Cycle,
-    taken: u64,
+    /// Issue slots that are left, a bit a cycle; none from the end on.
+    free: u64,
     causes: [u8; WINDOW_MAX as usize],
 }
 
@@ -27,7 +29,8 @@ impl Core {
             return;
         }
         self.shared.caches.ports.begin(start);
-        let mut window = Window { start, end, taken: 0, causes: [0; WINDOW_MAX as usize] };
+        let slots = u64::MAX >> (WINDOW_MAX - (end - start));
+        let mut window = Window { start, end, free: slots, causes: [0; WINDOW_MAX as usize] };
         let count = self.threads.len();
         for offset in 0..count {
             let thread = &mut self.threads[wrapped(self.turn + offset, count)];
@@ -36,7 +39,7 @@ impl Core {
         self.turn = wrapped(self.turn + 1, count);
 
         // Account the runs of issues and the gaps before them.
-        let mut left = window.taken;
+        let mut left = slots & !window.free;
         while left != 0 {
             let first = left.trailing_zeros();
             let run = (left >> first).trailing_ones();
@@ -67,23 +70,33 @@ impl Thread {
     #[inline(always)]
     fn issue_in(&mut self, tables: &CoreTables, shared: &mut Shared, window: &mut Window) -> bool {
         let (start, end) = (When::bare(window.start), When::bare(window.end));
-        let (mut pc, mut next, mut free) = (self.pc, self.next, !window.taken);
+        let (mut pc, mut next, mut free) = (self.pc, self.next, window.free);
         let mut row = self.row;
         let mut full = false;
-        while next < end && pc < self.stream.uops.len() {
-            let earliest = next.max(start).at() - window.start;
-            let left = free >> earliest;
-            let slot = earliest + u64::from(left.trailing_zeros());
-            if left == 0 || window.start + slot >= window.end {
+        // When the next slot may be: only the first issue can be due before the window. From here to there goes what the host
+        // waits for, uop after uop, so that every step counts.
+        let mut from = next.max(start);
+        // The stream has a uop at `pc`: else the thread would not run.
+        while next < end {
+            let earliest = from.at() - window.start;
+            let Some(left) = NonZeroU64::new(free >> earliest) else {
                 full = true;
                 break;
-            }
+            };
+            let wait = u64::from(left.trailing_zeros());
+            let slot = earliest + wait;
             free &= !(1 << slot);
             window.causes[slot as usize % WINDOW_MAX as usize] = next.cause_index();
-            let now = When::bare(window.start + slot);
-            next = self.issue(tables, shared, now, window.end, &mut pc, &mut row);
+            let now = from.bare_and_later(wait);
+            match self.issue(tables, shared, now, window.end, &mut pc, &mut row) {
+                Ok(go_on) => (next, from) = (go_on, go_on),
+                Err(held) => {
+                    next = held;
+                    break;
+                }
+            }
         }
-        (self.pc, self.next, self.row, window.taken) = (pc, next, row, !free);
+        (self.pc, self.next, self.row, window.free) = (pc, next, row, free);
         self.stop_issuing();
         full
     }
