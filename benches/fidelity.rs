@@ -1,5 +1,5 @@
-//! What `windowed` gives up for its speed: its error against `cycle` in every phase that takes 5 % of the time, over scenes
-//! and numbers of cores: of small scenes many, of the four scenes of the paper a few, in small pictures.
+//! What `windowed` gives up for its speed: its error against `cycle` in every phase that takes 5 % of the time, over
+//! scenes and numbers of cores: of small scenes many, of the four scenes of the paper a few, in small pictures.
 //!
 //! ```text
 //! cargo bench --bench fidelity
@@ -38,7 +38,8 @@ struct Subject {
     is_slowed: bool,
 }
 
-/// The paper's scenes are drawn so small that the work per triangle, which no picture makes smaller, is about half of it.
+/// The paper's scenes are drawn so small that the work per triangle, which no picture makes smaller, is about half of
+/// it.
 const SUBJECTS: [Subject; 7] = [
     Subject { scene: "tiny", size: None, cores: &CORES, is_slowed: true },
     Subject { scene: "table", size: None, cores: &CORES, is_slowed: true },

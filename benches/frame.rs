@@ -1,5 +1,6 @@
-//! Host speed of the phases that take longest, one host thread: simulated instructions a second, and host instructions for
-//! each, at every stage of a timed frame. And what a second host thread gives: whole frames at `windowed`, phase by phase.
+//! Host speed of the phases that take longest, one host thread: simulated instructions a second, and host instructions
+//! for each, at every stage of a timed frame. And what a second host thread gives: whole frames at `windowed`, phase by
+//! phase.
 //!
 //! ```text
 //! cargo bench --bench frame
@@ -18,6 +19,7 @@
 //! measured and once without the phase in question; the difference over the uops is the figure.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::path::Path;
 use std::process::Command;
 use std::sync::Mutex;
@@ -147,6 +149,10 @@ struct FirstTasks<'a> {
 }
 
 impl TaskSource for FirstTasks<'_> {
+    fn name(&self) -> &str {
+        self.inner.name()
+    }
+
     fn tasks(&self) -> u32 {
         self.tasks
     }
@@ -158,6 +164,10 @@ impl TaskSource for FirstTasks<'_> {
     fn record(&self, task: u32, stream: &mut Stream) {
         self.inner.record(task, stream);
         self.uops.fetch_add(stream.uops.len() as u64, Relaxed);
+    }
+
+    fn skip(&self, tasks: Range<u32>, counts: &mut OpCounts) {
+        self.inner.skip(tasks, counts);
     }
 }
 
@@ -194,13 +204,13 @@ fn measure(
         let source = FirstTasks { inner, tasks, uops: AtomicU64::new(0) };
         let mut counts = OpCounts::default();
         let spent = meter.measure(|| match stage {
-            Stage::Functional => source.inner.count(0..tasks, &mut counts),
+            Stage::Functional => source.inner.skip(0..tasks, &mut counts),
             Stage::Emission => (0..tasks).for_each(|task| source.record(task, &mut stream)),
             Stage::Windowed => drop(chips[0].run_step(&source)),
             Stage::Cycle => drop(chips[1].run_step(&source)),
         });
         cost.add(source.uops.load(Relaxed) + counts.total(), spent);
-        source.inner.count(tasks..step.tasks(), &mut counts);
+        source.inner.skip(tasks..step.tasks(), &mut counts);
         Ok(())
     };
     // Stopped after the phase, unless it is the last.

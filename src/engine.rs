@@ -5,8 +5,9 @@
 use lrbsim_isa::host::HostSimd;
 use lrbsim_isa::program::{StepSource, TaskSource};
 use lrbsim_isa::stream::TASK_UOPS_MAX;
-use lrbsim_isa::{Arena, Step, Stream, run_functional};
-use lrbsim_machine::{Chip, Fidelity, MachineSpec, StepReport};
+use lrbsim_isa::{Arena, OpCounts, Step, Stream};
+use lrbsim_machine::{Fidelity, MachineSpec, StepReport, Timing};
+use std::ops::Range;
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
 use crate::error::BadInput;
@@ -17,22 +18,21 @@ const NO_TASK: u32 = u32::MAX;
 
 /// What runs the steps of a frame.
 pub struct Engine {
-    /// `None`: nothing is timed.
-    chip: Option<Chip>,
+    timing: Box<dyn Timing>,
     simd: HostSimd,
     host_threads: usize,
 }
 
 impl Engine {
-    /// An engine at `fidelity` on a cold chip.
+    /// An engine at `fidelity` on a cold machine.
     pub fn new(spec: &MachineSpec, fidelity: Fidelity, simd: HostSimd, host_threads: usize) -> Engine {
-        let chip = (fidelity != Fidelity::Functional).then(|| Chip::new(spec, fidelity, host_threads));
-        Engine { chip, simd, host_threads }
+        Engine { timing: fidelity.timing(spec, host_threads), simd, host_threads }
     }
 
     /// Cycles in which each core issued in the last step, by core; `None` when nothing is timed.
-    pub fn core_busy_cycles(&self) -> Option<impl Iterator<Item = u64>> {
-        self.chip.as_ref().map(|chip| chip.activity().iter().map(|core| core.busy_cycles))
+    pub fn core_busy_cycles(&self) -> Option<Vec<u64>> {
+        let cores = self.timing.activity();
+        (!cores.is_empty()).then(|| cores.iter().map(|core| core.busy_cycles).collect())
     }
 
     /// Runs all tasks of `step` and the barrier that ends it.
@@ -42,14 +42,11 @@ impl Engine {
         arena: &mut Arena,
         progress: &dyn Progress,
     ) -> Result<StepReport, BadInput> {
-        let Some(chip) = &mut self.chip else {
-            return Ok(run_untimed(step, arena, self.simd, self.host_threads));
-        };
         let too_long = AtomicU32::new(NO_TASK);
         let inner = StepSource::new(step, arena, self.simd, self.host_threads);
-        let report = chip
-            .run_step(&Watched { inner, progress, too_long: &too_long })
-            .map_err(|stuck| BadInput::new(format!("step `{}`: {stuck}", step.name())))?;
+        let watched = Watched { inner, progress, too_long: &too_long };
+        let report = self.timing.run_step(&watched);
+        let report = report.map_err(|stuck| BadInput::new(format!("step `{}`: {stuck}", step.name())))?;
         match too_long.into_inner() {
             NO_TASK => Ok(report),
             task => Err(BadInput::new(format!(
@@ -62,20 +59,6 @@ impl Engine {
     }
 }
 
-/// Counts operations, without a machine.
-fn run_untimed(step: &Step, arena: &mut Arena, simd: HostSimd, threads: usize) -> StepReport {
-    let counts = run_functional(step, arena, simd, threads);
-    StepReport {
-        steps: 1,
-        tasks: u64::from(step.tasks()),
-        issued: counts.total(),
-        lanes_active: counts.lanes_active(),
-        lanes_masked: counts.lanes_masked,
-        class_counts: counts.class_counts,
-        ..StepReport::default()
-    }
-}
-
 /// Tells of every task that is recorded for the chip.
 struct Watched<'a, T> {
     inner: T,
@@ -85,6 +68,10 @@ struct Watched<'a, T> {
 }
 
 impl<T: TaskSource> TaskSource for Watched<'_, T> {
+    fn name(&self) -> &str {
+        self.inner.name()
+    }
+
     fn tasks(&self) -> u32 {
         self.inner.tasks()
     }
@@ -99,5 +86,9 @@ impl<T: TaskSource> TaskSource for Watched<'_, T> {
             self.too_long.fetch_min(task, Relaxed);
         }
         self.progress.task(stream.uops.len() as u64);
+    }
+
+    fn skip(&self, tasks: Range<u32>, counts: &mut OpCounts) {
+        self.inner.skip(tasks, counts);
     }
 }

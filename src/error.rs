@@ -14,7 +14,7 @@ pub struct BadInput {
     place: Option<Box<Place>>,
 }
 
-/// Where in a file.
+/// A place in a file.
 #[derive(Debug)]
 struct Place {
     source: NamedSource<String>,
@@ -28,14 +28,14 @@ impl BadInput {
         BadInput { message: message.into(), help: None, place: None }
     }
 
-    /// With a second sentence: what to do about it.
+    /// The same bad input with a second sentence: what to do about it.
     #[must_use]
     pub fn with_help(mut self, help: impl Into<String>) -> BadInput {
         self.help = Some(help.into());
         self
     }
 
-    /// With the place in the text of a file: shown with its line and column.
+    /// The same bad input with its place in the text of a file: shown with its line and column.
     #[must_use]
     pub fn at(mut self, file: &str, text: &str, span: Range<usize>, label: impl Into<String>) -> BadInput {
         self.place = Some(Box::new(Place {

@@ -3,8 +3,8 @@
 use lrbsim_isa::host::HostSimd;
 use lrbsim_isa::{Arena, ArenaError, Phase, Runner, Step, Stopped};
 use lrbsim_kernels::method::Shadows;
-use lrbsim_machine::{Fidelity, PhaseCounters};
-use lrbsim_reports::counters::{Clock, phase_reports};
+use lrbsim_machine::Fidelity;
+use lrbsim_reports::counters::{Clock, PhaseCosts, phase_reports};
 use lrbsim_reports::picture;
 use lrbsim_reports::run::{
     ImageSummary, Provenance, RunReport, SCHEMA_VERSION, SceneSummary, Total, Warning, WarningKind,
@@ -149,16 +149,6 @@ struct Simulated {
     shadows: Shadows,
 }
 
-/// What a phase cost.
-pub(crate) struct PhaseCosts {
-    /// Which phase.
-    pub(crate) phase: &'static Phase,
-    /// The costs of all its steps.
-    pub(crate) sum: PhaseCounters,
-    /// Cycles in which each core issued; `None` when nothing is timed.
-    pub(crate) core_busy_cycles: Option<Vec<u64>>,
-}
-
 /// Runs the program of a frame in an arena of its own.
 fn simulate(
     algorithm: &Algorithm,
@@ -180,17 +170,14 @@ fn simulate(
             Stopped
         })?;
         progress.uops(cost.issued);
-        let busy = engine.core_busy_cycles();
-        match phases.last_mut().filter(|last| last.phase == phase) {
-            Some(last) => {
-                last.sum += cost;
-                if let (Some(sums), Some(busy)) = (&mut last.core_busy_cycles, busy) {
-                    sums.iter_mut().zip(busy).for_each(|(sum, cycles)| *sum += cycles);
-                }
-            }
-            None => {
-                phases.push(PhaseCosts { phase, sum: cost, core_busy_cycles: busy.map(Iterator::collect) })
-            }
+        if phases.last().is_none_or(|last| last.phase != phase) {
+            phases.push(PhaseCosts { phase, steps: Vec::new(), core_busy_cycles: None });
+        }
+        let last = phases.last_mut().expect("pushed above");
+        last.steps.push((step.name(), cost));
+        if let Some(busy) = engine.core_busy_cycles() {
+            let sums = last.core_busy_cycles.get_or_insert_with(|| vec![0; busy.len()]);
+            sums.iter_mut().zip(busy).for_each(|(sum, cycles)| *sum += cycles);
         }
         Ok(())
     };
@@ -211,17 +198,13 @@ fn no_memory(error: ArenaError) -> BadInput {
 
 fn report(request: &RunRequest, eye: &EyeView, simulated: &Simulated, frame: &Frame) -> RunReport {
     let RunRequest { scene, machine, fidelity, .. } = request;
-    let timed = *fidelity != Fidelity::Functional;
+    let timed = fidelity.is_timed();
     // Kernels that look for no silhouettes, as for a point light, count none; the scene still has them.
     let silhouette_edges = simulated.shadows.silhouette_edges.unwrap_or_else(|| {
         silhouette_edges(&scene.mesh, &Adjacency::new(&scene.mesh), scene.light.center()) as u64
     });
     let clock = Clock { clock_ghz: machine.config.clock_ghz, cores: machine.config.cores };
-    let sums: Vec<_> = simulated.phases.iter().map(|costs| (costs.phase, costs.sum.clone())).collect();
-    let mut phases = phase_reports(&sums, timed.then_some(clock));
-    for (phase, costs) in phases.iter_mut().zip(&simulated.phases) {
-        phase.core_busy_cycles.clone_from(&costs.core_busy_cycles);
-    }
+    let phases = phase_reports(&simulated.phases, timed.then_some(clock));
     RunReport {
         schema_version: SCHEMA_VERSION,
         provenance: Provenance {
@@ -267,7 +250,9 @@ fn warnings(scene: &Scene, eye: &EyeView) -> Vec<Warning> {
     warnings.extend(scene.warnings().iter().map(|warning| Warning {
         kind: match warning {
             SceneWarning::LeftOut { .. } => WarningKind::LinesLeftOut,
-            SceneWarning::LightTouches { .. } => WarningKind::LightInGeometry,
+            SceneWarning::LightTouches { .. } | SceneWarning::LightEnclosed { .. } => {
+                WarningKind::LightInGeometry
+            }
         },
         message: warning.to_string(),
     }));

@@ -21,11 +21,11 @@ pub const FILES: [&str; 6] =
 /// What came out of a moving scene.
 #[derive(Debug)]
 pub struct FramesOutput {
-    /// The frames in numbers.
+    /// The frames of the scene in numbers.
     pub report: FramesReport,
     /// The frame that took the longest.
     pub worst: RunOutput,
-    /// All frames, one after the other.
+    /// All frames, one after the other, as an animated PNG.
     pub animation: Vec<u8>,
 }
 

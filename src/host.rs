@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 pub struct Stopwatch(Instant);
 
 impl Stopwatch {
-    /// Starts one.
+    /// Starts a stopwatch.
     #[expect(
         clippy::disallowed_methods,
         reason = "host time is reported beside the results, never inside them"
@@ -16,7 +16,7 @@ impl Stopwatch {
         Stopwatch(Instant::now())
     }
 
-    /// Time since the start.
+    /// Time since the stopwatch was started.
     pub fn elapsed(&self) -> Duration {
         self.0.elapsed()
     }

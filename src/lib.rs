@@ -19,6 +19,7 @@
 //! ```
 
 mod algorithm;
+pub mod choices;
 mod engine;
 mod error;
 mod frame;
@@ -26,13 +27,13 @@ pub mod frames;
 mod host;
 pub mod inputs;
 mod json;
-pub mod outcomes;
 pub mod progress;
 pub mod published;
 pub mod results;
 mod settings;
 pub mod study;
 pub mod validate;
+pub mod written;
 
 pub use algorithm::Algorithm;
 pub use error::BadInput;

@@ -25,7 +25,7 @@ pub trait Progress: Sync {
     }
 }
 
-/// Nobody.
+/// Nobody: hears of progress and does nothing.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Quiet;
 

@@ -1,8 +1,10 @@
 //! Published results: a manifest beside files that a command must make again, byte for byte.
 
 use std::collections::BTreeMap;
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use lrbsim_reports::files::write_atomically;
 use lrbsim_reports::picture::sha256;
@@ -30,8 +32,8 @@ pub struct Manifest {
     pub lrbsim_version: String,
     /// Version of what its numbers mean.
     pub semantics: u32,
-    /// SHA-256 of files that the command reads, relative to the manifest; shipped scenes, machines and studies are inside
-    /// the program.
+    /// SHA-256 of files that the command reads, relative to the manifest; shipped scenes, machines and studies are
+    /// inside the program.
     #[serde(default)]
     pub inputs: BTreeMap<String, String>,
     /// SHA-256 of the files that it leaves.
@@ -43,7 +45,7 @@ pub struct Manifest {
 pub struct Verdict {
     /// Files that came out the same.
     pub same: usize,
-    /// What did not, a line each; empty when all is well.
+    /// What did not come out the same, a line each; empty when all is well.
     pub faults: Vec<String>,
 }
 
@@ -148,7 +150,7 @@ fn again(folder: &Path, command: &[String]) -> Result<BTreeMap<String, Vec<u8>>,
     }
     let failed =
         |error: std::io::Error| BadInput::new(format!("cannot run `lrbsim {}`: {error}", command.join(" ")));
-    let place = Temporary::new().map_err(failed)?;
+    let place = Place::new().map_err(failed)?;
     let program = std::env::current_exe().map_err(failed)?;
     let mut process = Command::new(program);
     process.args(command).arg("-o").arg(place.0.join("results"));
@@ -158,13 +160,9 @@ fn again(folder: &Path, command: &[String]) -> Result<BTreeMap<String, Vec<u8>>,
     if folder.is_dir() {
         process.current_dir(folder);
     }
-    let output = process.output().map_err(failed)?;
-    if !output.status.success() {
-        return Err(BadInput::new(format!(
-            "`lrbsim {}` failed:\n{}",
-            command.join(" "),
-            String::from_utf8_lossy(&output.stderr).trim()
-        )));
+    let (status, said) = place.run(&mut process).map_err(failed)?;
+    if !status.success() {
+        return Err(BadInput::new(format!("`lrbsim {}` failed:\n{}", command.join(" "), said.trim())));
     }
     let mut made = BTreeMap::new();
     for name in PUBLISHED {
@@ -175,27 +173,79 @@ fn again(folder: &Path, command: &[String]) -> Result<BTreeMap<String, Vec<u8>>,
     Ok(made)
 }
 
-/// A folder that is gone when it is dropped.
-struct Temporary(PathBuf);
+/// What must not outlive this process: a temporary folder, and the command that writes to it.
+struct Held {
+    folder: PathBuf,
+    command: Option<Child>,
+}
 
-impl Temporary {
-    fn new() -> std::io::Result<Temporary> {
-        let base = std::env::temp_dir();
+impl Drop for Held {
+    fn drop(&mut self) {
+        if let Some(command) = &mut self.command {
+            // It may have ended by itself.
+            let _ = command.kill();
+            let _ = command.wait();
+        }
+        let _ = std::fs::remove_dir_all(&self.folder);
+    }
+}
+
+static HELD: Mutex<Option<Held>> = Mutex::new(None);
+
+fn held() -> MutexGuard<'static, Option<Held>> {
+    // A thread that panicked has left something that can still be removed.
+    HELD.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Ends the command that runs and removes what it wrote, for the handler of an interrupt: no other command begins after
+/// it.
+pub fn abandon() {
+    let mut held = held();
+    drop(held.take());
+    std::mem::forget(held);
+}
+
+/// A temporary folder for one command; both are gone when it is dropped.
+struct Place(PathBuf);
+
+impl Place {
+    fn new() -> std::io::Result<Place> {
+        let mut held = held();
         for number in 0_u32.. {
-            let path = base.join(format!("lrbsim-verify-{}-{number}", std::process::id()));
-            match std::fs::create_dir(&path) {
-                Ok(()) => return Ok(Temporary(path)),
+            let folder = std::env::temp_dir().join(format!("lrbsim-verify-{}-{number}", std::process::id()));
+            match std::fs::create_dir(&folder) {
+                Ok(()) => {
+                    *held = Some(Held { folder: folder.clone(), command: None });
+                    return Ok(Place(folder));
+                }
                 Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {}
                 Err(error) => return Err(error),
             }
         }
         unreachable!("a folder does not hold 2^32 of them")
     }
+
+    /// Runs `process` to its end: how it ended, and what it said on standard error.
+    fn run(&self, process: &mut Command) -> std::io::Result<(ExitStatus, String)> {
+        process.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped());
+        let mut errors = {
+            // Held while it starts: an interrupt finds it.
+            let mut held = held();
+            let held = held.as_mut().expect("this place is held");
+            let command = held.command.insert(process.spawn()?);
+            command.stderr.take().expect("it is piped")
+        };
+        let mut said = Vec::new();
+        errors.read_to_end(&mut said)?;
+        let command = held().as_mut().and_then(|held| held.command.take());
+        let status = command.expect("an interrupt lets go of nothing that it took").wait()?;
+        Ok((status, String::from_utf8_lossy(&said).into_owned()))
+    }
 }
 
-impl Drop for Temporary {
+impl Drop for Place {
     fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
+        drop(held().take());
     }
 }
 

@@ -10,10 +10,10 @@ use crate::algorithm::Algorithm;
 use crate::error::BadInput;
 use crate::frame::RunOutput;
 
-/// What every run writes.
+/// The files that every run writes.
 const FILES: [&str; 4] = ["image.png", "visibility.png", "host.json", "report.json"];
 
-/// What a dump adds.
+/// The files that a dump adds to those of a run.
 const DUMPS: [&str; 5] = ["receivers.npy", "normals.npy", "visibility.npy", "light.json", "mesh.obj"];
 
 /// Names of the files that a run writes, with or without its dump.

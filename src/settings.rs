@@ -10,9 +10,9 @@ use crate::error::BadInput;
 pub struct Setting {
     /// Path from the root, such as `l2.capacity_bytes`; elements of a list have their number, as in `light.center.1`.
     pub path: String,
-    /// The new value.
+    /// The new value of the field.
     pub value: Value,
-    /// Who asked for it, for messages: `--set cores=8`.
+    /// Who asked for the change, for messages: `--set cores=8`.
     pub said: String,
 }
 
@@ -28,6 +28,13 @@ impl std::str::FromStr for Setting {
         // What is not JSON is a string: names need no quotes.
         let value = serde_json::from_str(value).unwrap_or_else(|_| Value::String(value.to_owned()));
         Ok(Setting { path: path.trim().to_owned(), value, said: format!("`--set {text}`") })
+    }
+}
+
+impl Setting {
+    /// The changes that `--set` was given, in order.
+    pub fn all(texts: &[String]) -> Result<Vec<Setting>, BadInput> {
+        texts.iter().map(|text| text.parse()).collect()
     }
 }
 

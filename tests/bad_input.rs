@@ -13,7 +13,7 @@ const SCENE: &str = r#"{
 "#;
 const TRIANGLE: &str = "v -1 0 -1\nv 1 0 -1\nv 0 0 1\nf 1 2 3\n";
 
-/// The shipped machine with one piece of its text replaced.
+/// The shipped machine with one part of its text replaced.
 fn machine_file(folder: &Folder, from: &str, to: &str) {
     let text = lrbsim_machine::builtin_machine("larrabee-24").expect("shipped");
     assert!(text.contains(from), "`{from}` is not in larrabee-24.json");
@@ -47,8 +47,12 @@ fn an_unknown_name_lists_the_known_ones() {
     let folder = Folder::new();
     refused(&folder, &["salon-small"], &["`salon-small` is no scene", "did you mean `saloon-small`?"]);
     refused(&folder, &["tiny", "-m", "larrabee"], &["`larrabee` is no machine", "larrabee-24"]);
-    refused(&folder, &["tiny", "-a", "sism2"], &["`sism2` is no algorithm"]);
-    refused(&folder, &["tiny", "-a", "raytrace"], &["`raytrace` is not in this version"]);
+    refused(&folder, &["tiny", "-a", "sism2"], &["`sism2` is no algorithm; it must be `sism`"]);
+    refused(
+        &folder,
+        &["tiny", "-a", "sism:form=round"],
+        &["`form` of `sism` is `round`; it must be `exact`"],
+    );
     refused(&folder, &["tiny", "--fidelity", "exact"], &["`exact` is no fidelity"]);
     refused(&folder, &["tiny", "--host-simd", "mmx"], &["mmx"]);
 }

@@ -259,6 +259,16 @@ fn suspicious_results_carry_a_warning() {
     assert_eq!(kinds(&["away.json"]), ["nothing_seen"]);
     let printed = folder.run(&["run", "away.json"]).ok().stdout();
     assert!(printed.contains("warning: the camera sees no surface"), "{printed}");
+
+    let base = r#"{"scene": "away.json", "fidelity": "functional"}"#;
+    let axes = r#"[{"path": "scene", "values": ["tiny", "away.json"]}]"#;
+    folder.write("s.json", &format!(r#"{{"name": "s", "base": {base}, "axes": {axes}}}"#));
+    let done = folder.run(&["study", "s.json"]);
+    let warning = "warning at 1 of 2 points: the camera sees no surface";
+    assert_eq!(done.code(), Some(0), "{}", done.stderr());
+    assert!(done.stderr().starts_with(warning), "{}", done.stderr());
+    let table = std::fs::read_to_string(folder.path("out/study-s/table.md")).expect("it was written");
+    assert!(done.stdout().contains(warning) && table.contains(warning), "{table}");
 }
 
 #[cfg(unix)]
@@ -281,6 +291,32 @@ fn an_interrupt_leaves_nothing_half() {
         assert_eq!(child.wait().expect("it ends").code(), Some(130), "{signal}");
         assert!(folder.names().is_empty(), "{signal}");
     }
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_verification_leaves_nothing_behind() {
+    let folder = Folder::new();
+    std::fs::create_dir(folder.path("temporary")).expect("the folder can be written");
+    std::fs::create_dir(folder.path("p")).expect("the folder can be written");
+    let command = r#"["run", "saloon-small", "--fidelity", "cycle"]"#;
+    let rest = r#""lrbsim_version": "", "semantics": 0, "outputs": {}"#;
+    folder.write("p/manifest.json", &format!(r#"{{"command": {command}, {rest}}}"#));
+    let mut child = lrbsim()
+        .current_dir(folder.path(""))
+        .env("TMPDIR", folder.path("temporary"))
+        .args(["verify", "p"])
+        .stdout(Stdio::null())
+        .spawn()
+        .expect("the binary starts");
+    while names(&folder.path("temporary")).is_empty() {
+        assert!(child.try_wait().expect("it runs").is_none(), "it ended before anything was there");
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    let killed = std::process::Command::new("kill").args(["-s", "TERM", &child.id().to_string()]).status();
+    assert!(killed.expect("`kill` is there").success());
+    assert_eq!(child.wait().expect("it ends").code(), Some(130));
+    assert!(names(&folder.path("temporary")).is_empty());
 }
 
 #[test]

@@ -56,6 +56,10 @@ impl Schema {
                 "oneOf" => list().filter(|part| self.holds(part, value)).count() == 1,
                 "minimum" => value.as_f64().is_none_or(|value| value >= number()),
                 "maximum" => value.as_f64().is_none_or(|value| value <= number()),
+                "pattern" => value.as_str().is_none_or(|text| {
+                    let pattern = regex::Regex::new(wanted.as_str().expect("a pattern"));
+                    pattern.expect("a sound pattern").is_match(text)
+                }),
                 "minItems" => value.as_array().is_none_or(|items| items.len() as f64 >= number()),
                 "maxItems" => value.as_array().is_none_or(|items| items.len() as f64 <= number()),
                 "required" => value.as_object().is_none_or(|fields| {

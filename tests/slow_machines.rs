@@ -1,7 +1,7 @@
 //! Machines on which next to nothing moves, but moves: they take their time and end as any other.
 //!
-//! A line that takes 64 000 cycles and more, for which 24 cores queue, keeps the chip still for longer than any deadlock
-//! would have to; what tells the two apart is that time goes on to a next event.
+//! A line that takes 64 000 cycles and more, for which 24 cores queue, keeps the chip still for longer than any
+//! deadlock would have to; what tells the two apart is that time goes on to a next event.
 
 mod common;
 

@@ -213,7 +213,7 @@ fn points_of_scenes_and_algorithms_are_varied_too() {
     assert!(soft.image.penumbra_receivers > 0);
 }
 
-/// A study of `tiny` with one piece of its text replaced; it must be refused with all of `parts`.
+/// A study of `tiny` with one part of its text replaced; it must be refused with all of `parts`.
 #[track_caller]
 fn refused(from: &str, to: &str, parts: &[&str]) {
     let folder = Folder::new();

@@ -17,8 +17,8 @@ fn must_pass(fidelity: Fidelity) -> Validation {
     validate(&ValidateRequest { machine, targets, only: None, fidelity }).expect("sound")
 }
 
-/// A known miss, and how far off it is in per cent: ordinary writes by one thread a core lose more to changes of direction on the
-/// chip than here, at both levels. See docs/deviations.md.
+/// A known miss, and how far off it is in per cent: ordinary writes by one thread a core lose more to changes of
+/// direction on the chip than here, at both levels. See docs/deviations.md.
 const MISSED: (&str, f64) = ("bw.mem.write.t060", 30.0);
 
 #[test]

@@ -9,34 +9,34 @@ use lrbsim_isa::{Addr, Arena};
 /// Operations of a thread in the long pass.
 const OPERATIONS: u32 = 256;
 
-/// Who has the lines that are operated on.
+/// Which core has the lines that the benchmark operates on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum LockedLine {
-    /// The core itself: one line, in its L1.
+    /// The core that operates has it: one line, in its L1.
     Own,
-    /// Core 1 wrote them; each is operated on once.
+    /// Core 1 wrote the lines, and each of them is operated on once.
     Remote,
     /// All cores operate on one line.
     Contended,
 }
 
-/// What is done to a line.
+/// The instruction that the benchmark times on a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum LineOperation {
-    /// A plain store.
+    /// The operation is a plain store.
     Store,
-    /// A locked add.
+    /// The operation is a locked add.
     Add,
-    /// A locked compare-exchange.
+    /// The operation is a locked compare-exchange.
     CompareExchange,
 }
 
 /// Operations of one thread, or of one thread a core. Units: operations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Atomic {
-    /// Who has the lines.
+    /// Which core has the lines before they are operated on.
     pub line: LockedLine,
-    /// What is done to them.
+    /// The instruction that is timed on the lines.
     pub operation: LineOperation,
 }
 
@@ -53,9 +53,13 @@ impl Atomic {
         let base = arena.overwritten(u64::from(all) * 16);
         // Of remote lines each pass has its own.
         let mut operate = |name, threads: Threads, operation, first: u32, operations: u32| {
-            let plan = threads.plan(&mut arena, cores, |_| first * stride as u32);
+            let placement = threads.place(&mut arena, cores, |_| first * stride as u32);
             let operations = operations as i32;
-            pass(name, plan.tasks, Operate { table: plan.table(), base, stride, operation, operations })
+            pass(
+                name,
+                placement.tasks,
+                Operate { table: placement.table(), base, stride, operation, operations },
+            )
         };
         let passes = vec![
             operate("own", before, LineOperation::Store, 0, all),

@@ -1,6 +1,6 @@
 //! Latency: loads that each need the one before.
 
-use crate::threads::{Plan, again, start};
+use crate::threads::{Placement, again, start};
 use crate::{Prepared, Threads, pass, short};
 use lrbsim_isa::kernel::Kernel;
 use lrbsim_isa::vpu::Vpu;
@@ -14,20 +14,20 @@ const UNROLL: u32 = 64;
 pub enum Order {
     /// `count` words, each `stride_bytes` after the one before.
     Stride {
-        /// How many.
+        /// How many words are visited.
         count: u32,
-        /// Bytes from one to the next, a multiple of 4.
+        /// Bytes from one word to the next, a multiple of 4.
         stride_bytes: u32,
     },
-    /// One word of every line of so many, a power of two, each time on the next page and one line further: near lines are
-    /// never visited one after the other.
+    /// One word of every line of so many, a power of two, each time on the next page and one line further: near lines
+    /// are never visited one after the other.
     Diagonal {
-        /// How many.
+        /// How many lines are visited, a power of two.
         lines: u32,
     },
     /// One word of every line of `bytes` bytes, in an order without pattern.
     Random {
-        /// Bytes, a multiple of 64.
+        /// Bytes of the lines that are visited, a multiple of 64.
         bytes: u32,
     },
 }
@@ -35,7 +35,7 @@ pub enum Order {
 /// Dependent loads of one thread on core 0. Units: loads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Chase {
-    /// What is loaded.
+    /// The words that are loaded, in their order.
     pub order: Order,
     /// Loads in the passes before the measured one, a multiple of 64 or 0 for none.
     pub warm_loads: u32,
@@ -50,23 +50,23 @@ impl Chase {
     }
 }
 
-/// How another core holds the lines.
+/// The state in which another core holds the lines.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Copy {
-    /// It wrote them.
+    /// The other core wrote the lines.
     Modified,
-    /// It alone read them.
+    /// The other core alone read the lines.
     Exclusive,
-    /// It and a third core read them.
+    /// The other core and a third one read the lines.
     Shared,
 }
 
 /// Dependent loads on core 0 of lines that another core holds. Units: loads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Remote {
-    /// How it holds them.
+    /// The state in which the other core holds the lines.
     pub copy: Copy,
-    /// Which core.
+    /// The core that holds the lines.
     pub owner: u32,
     /// Lines, a power of two from 512 on: each is loaded once, a quarter of them before the measured passes.
     pub lines: u32,
@@ -117,11 +117,11 @@ pub(crate) fn align(arena: &mut Arena, bytes: u64) -> Addr {
 impl Chase {
     pub(crate) fn prepare(&self, mut arena: Arena, cores: u32) -> Prepared {
         let threads = Threads::OnCore { core: 0, threads: 1 };
-        let plan = threads.plan(&mut arena, cores, |_| 0);
+        let placement = threads.place(&mut arena, cores, |_| 0);
         let base = self.order.link(&mut arena);
         let few = short(self.loads, UNROLL);
         let loads = [("warm", self.warm_loads), ("short", few), ("chase", self.loads)];
-        let passes = chase_passes(&plan, base, &self.order.words(), &loads);
+        let passes = chase_passes(&placement, base, &self.order.words(), &loads);
         Prepared { arena, passes, units: u64::from(self.loads - few) }
     }
 }
@@ -130,16 +130,16 @@ impl Remote {
     pub(crate) fn prepare(&self, mut arena: Arena, cores: u32) -> Prepared {
         let order = Order::Diagonal { lines: self.lines };
         let base = order.link(&mut arena);
-        let mut plan_of = |core| Threads::OnCore { core, threads: 1 }.plan(&mut arena, cores, |_| 0);
-        let (reader, owner) = (plan_of(0), plan_of(self.owner));
-        let touch = |plan: &Plan, write| {
-            pass("hold", plan.tasks, Touch { table: plan.table(), base, lines: self.lines, write })
+        let mut placement_of = |core| Threads::OnCore { core, threads: 1 }.place(&mut arena, cores, |_| 0);
+        let (reader, owner) = (placement_of(0), placement_of(self.owner));
+        let touch = |placement: &Placement, write| {
+            pass("hold", placement.tasks, Touch { table: placement.table(), base, lines: self.lines, write })
         };
         let mut passes = vec![touch(&owner, self.copy == Copy::Modified)];
         if self.copy == Copy::Shared {
             // Farther from core 0 than the owner, or as near.
             let third = if self.owner + 1 < cores { self.owner + 1 } else { self.owner - 1 };
-            passes.push(touch(&plan_of(third), false));
+            passes.push(touch(&placement_of(third), false));
         }
         let quarter = self.lines / 4;
         // The first quarter meets all pages.
@@ -150,7 +150,12 @@ impl Remote {
 }
 
 /// Passes of so many loads that each go on where the one before stopped; those without loads are left out.
-fn chase_passes(plan: &Plan, base: Addr, words: &[u32], loads: &[(&'static str, u32)]) -> Vec<Step> {
+fn chase_passes(
+    placement: &Placement,
+    base: Addr,
+    words: &[u32],
+    loads: &[(&'static str, u32)],
+) -> Vec<Step> {
     let mut done = 0;
     let mut passes = Vec::new();
     for (name, loads) in loads {
@@ -158,7 +163,7 @@ fn chase_passes(plan: &Plan, base: Addr, words: &[u32], loads: &[(&'static str, 
         let first = words[done as usize % words.len()] as i32;
         if *loads > 0 {
             let turns = (loads / UNROLL) as i32;
-            passes.push(pass(name, plan.tasks, Follow { table: plan.table(), base, first, turns }));
+            passes.push(pass(name, placement.tasks, Follow { table: placement.table(), base, first, turns }));
         }
         done += loads;
     }

@@ -24,7 +24,7 @@ pub struct Gather {
 impl Gather {
     pub(crate) fn prepare(&self, mut arena: Arena, cores: u32) -> Prepared {
         assert!((1..=16).contains(&self.lines) && self.table_bytes.is_power_of_two());
-        let plan = Threads::OnCore { core: 0, threads: 1 }.plan(&mut arena, cores, |_| 0);
+        let placement = Threads::OnCore { core: 0, threads: 1 }.place(&mut arena, cores, |_| 0);
         // Lanes go round the lines; one word of each.
         let lanes: Vec<u32> = (0..16).map(|lane| lane % self.lines * 16).collect();
         let lanes = arena.alloc_u32(&lanes);
@@ -34,14 +34,14 @@ impl Gather {
         let words = self.table_bytes / 4;
         let walk = |name, turns: u32| {
             let kernel = Walk {
-                starts: plan.table(),
+                starts: placement.table(),
                 lanes,
                 table,
                 gather_bytes: 64 * u64::from(self.lines),
                 wrap: words as i32 - 1,
                 turns: turns as i32,
             };
-            pass(name, plan.tasks, kernel)
+            pass(name, placement.tasks, kernel)
         };
         // A gather of one line goes through the table in so many turns, others in fewer: every pass sees all of it.
         let lap = self.table_bytes / (UNROLL as u32 * 64);

@@ -11,33 +11,37 @@ const UNROLL: u32 = 64;
 /// Turns of the loop in the long pass.
 const TURNS: u32 = 256;
 
-/// What is computed.
+/// The instruction that a chain is made of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Operation {
-    /// Multiplies.
+    /// A chain of multiplications.
     Multiply,
-    /// Fused multiply-adds.
+    /// A chain of fused multiply-adds.
     MultiplyAdd,
 }
 
 /// Chains of dependent vector instructions. Units: instructions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Issue {
-    /// What is computed.
+    /// The instruction that the chains are made of.
     pub operation: Operation,
     /// Chains of a thread that do not depend on one another, 1 to 4.
     pub chains: u32,
-    /// Who computes.
+    /// The threads that compute.
     pub threads: Threads,
 }
 
 impl Issue {
     pub(crate) fn prepare(&self, mut arena: Arena, cores: u32) -> Prepared {
         assert!((1..=4).contains(&self.chains), "{} chains", self.chains);
-        let plan = self.threads.plan(&mut arena, cores, |_| 0);
+        let placement = self.threads.place(&mut arena, cores, |_| 0);
         let chain = |name, turns: u32| {
             let (operation, chains) = (self.operation, self.chains as usize);
-            pass(name, plan.tasks, Chain { table: plan.table(), operation, chains, turns: turns as i32 })
+            pass(
+                name,
+                placement.tasks,
+                Chain { table: placement.table(), operation, chains, turns: turns as i32 },
+            )
         };
         let few = short(TURNS, 1);
         Prepared {

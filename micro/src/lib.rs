@@ -6,12 +6,12 @@
 //! passes   warm … │ short: n/4 units │ long: n units       measured: long - short
 //! ```
 //!
-//! A benchmark is a few passes; all threads run each at once. The first ones bring caches, TLBs and other cores into the
-//! state that the question is about. The last two are the same loop, once a quarter as long as the other, and their
-//! difference is measured: what it costs to begin and to end (the start of the threads, the first misses, the filling of
-//! queues) is in both and cancels, and what remains is the steady state, which the measured programs reach by running for
-//! seconds. Kernels are those of the measured programs: loops over the same arrays, with the same operations and
-//! prefetches a line. They know no machine but its number of cores, which says where a thread runs.
+//! A benchmark is a few passes; all threads run each at once. The first ones bring caches, TLBs and other cores into
+//! the state that the question is about. The last two are the same loop, once a quarter as long as the other, and their
+//! difference is measured: what it costs to begin and to end (the start of the threads, the first misses, the filling
+//! of queues) is in both and cancels, and what remains is the steady state, which the measured programs reach by
+//! running for seconds. Kernels are those of the measured programs: loops over the same arrays, with the same
+//! operations and prefetches a line. They know no machine but its number of cores, which says where a thread runs.
 
 mod atomic;
 mod chase;
@@ -44,15 +44,15 @@ pub enum Bench {
     Issue(Issue),
     /// Loops over arrays.
     Stream(Stream),
-    /// Gathers.
+    /// Gathers from a table.
     Gather(Gather),
-    /// Locked operations.
+    /// Locked operations on lines.
     Atomic(Atomic),
 }
 
 /// A benchmark that can be run.
 pub struct Prepared {
-    /// Simulated memory.
+    /// Simulated memory, with the arrays that the passes work on.
     pub arena: Arena,
     /// What all threads run, one after the other, at least two: the last takes [`Prepared::units`] longer than the one
     /// before it.

@@ -1,7 +1,7 @@
 //! Bandwidth: loops over arrays, a line a turn, of L1, L2 or memory.
 
 use crate::chase::align;
-use crate::threads::{Plan, again, start};
+use crate::threads::{Placement, again, start};
 use crate::{Prepared, Threads, pass, short};
 use lrbsim_isa::kernel::Kernel;
 use lrbsim_isa::vpu::Vpu;
@@ -11,38 +11,39 @@ use lrbsim_isa::{Addr, Arena, Step};
 const UNROLL: u64 = 8;
 const LINE_WORDS: u32 = 16;
 
-/// Lines that a load goes ahead of the arithmetic on it, which goes a line ahead of its store: what is loaded is there when
-/// it is used, and loads and stores find something to pair with, as a compiler for a machine of two pipes orders them.
+/// Lines that a load goes ahead of the arithmetic on it, which goes a line ahead of its store: what is loaded is there
+/// when it is used, and loads and stores find something to pair with, as a compiler for a machine of two pipes orders
+/// them.
 const LOAD_AHEAD: u64 = 2;
 
-/// How the result is stored.
+/// How a loop stores its result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Store {
-    /// It is added up in a register.
+    /// The loop stores nothing: it adds its result up in a register.
     No,
-    /// Ordinary stores, to an array of its own.
+    /// The loop stores to an array of its own, with ordinary stores.
     Ordinary,
-    /// Ordinary stores, over the first array that was read.
+    /// The loop stores over the first array that it read, with ordinary stores.
     InPlace,
-    /// Stores that do not read the line first.
+    /// The loop stores to an array of its own, with stores that do not read the line first.
     Streaming,
 }
 
 /// Software prefetch: how many lines ahead, as a compiler would put it into the loop.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Prefetch {
-    /// None.
+    /// The loop prefetches nothing.
     No,
-    /// Into L1 only.
+    /// The loop prefetches into L1 only.
     L1 {
-        /// Lines ahead.
+        /// Lines ahead of the use that a line is asked for.
         ahead: u32,
     },
-    /// Into L2, and later into L1.
+    /// The loop prefetches into L2, and later into L1.
     Both {
         /// Lines ahead of the use that a line is asked for in L2.
         l2_ahead: u32,
-        /// The same for L1.
+        /// Lines ahead of the use that a line is asked for in L1.
         l1_ahead: u32,
     },
 }
@@ -53,7 +54,7 @@ pub enum Arrays {
     /// Each array has so many bytes, of which every thread has its part, one behind the other; it works on the first
     /// lines of that.
     Split {
-        /// Bytes of an array.
+        /// Bytes of each array.
         bytes: u64,
     },
     /// Every thread works on the first lines of the same array.
@@ -65,13 +66,13 @@ pub enum Arrays {
 pub struct Stream {
     /// Arrays that are read, 0 to 2.
     pub reads: u32,
-    /// What becomes of the result.
+    /// How the loop stores its result.
     pub store: Store,
-    /// Software prefetch.
+    /// How far ahead the loop prefetches.
     pub prefetch: Prefetch,
-    /// Where the arrays lie.
+    /// Where the threads' parts of the arrays lie.
     pub arrays: Arrays,
-    /// Who runs the loop.
+    /// The threads that run the loop.
     pub threads: Threads,
     /// Lines of each array that each pass works on.
     pub extent: Extent,
@@ -80,14 +81,14 @@ pub struct Stream {
 /// Lines of each array that a thread works on, in multiples of 8.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Extent {
-    /// The same lines over and over.
+    /// Every pass works on the same lines, over and over.
     Laps {
         /// Lines of a lap, of which one goes before the measured passes.
         lines: u32,
         /// Laps of the long pass, a multiple of 4.
         laps: u32,
     },
-    /// Lines that no pass before has worked on.
+    /// Every pass works on lines that no pass before has worked on.
     Onward {
         /// Lines before the measured passes.
         warm_lines: u32,
@@ -154,17 +155,17 @@ impl Stream {
             *base = align(&mut arena, 4096);
             arena.overwritten(words);
         }
-        let mut plan_from =
-            |line: u32| self.threads.plan(&mut arena, cores, |rank| rank * part_words + line * LINE_WORDS);
+        let mut placement_from =
+            |line: u32| self.threads.place(&mut arena, cores, |rank| rank * part_words + line * LINE_WORDS);
         // Where the passes start at one place they share the table, and all but the first find it cached.
-        let mut plan = plan_from(parts[0].first);
+        let mut placement = placement_from(parts[0].first);
         let mut passes = Vec::new();
         let mut last = parts[0].first;
         for (name, part) in ["warm", "short", "stream"].into_iter().zip(parts) {
             if part.first != last {
-                (plan, last) = (plan_from(part.first), part.first);
+                (placement, last) = (placement_from(part.first), part.first);
             }
-            passes.push(self.pass(name, &plan, bases, part));
+            passes.push(self.pass(name, &placement, bases, part));
         }
         let lines_touched = self.reads + u32::from(self.store != Store::No);
         let lines = many.lines * many.laps - few.lines * few.laps;
@@ -172,18 +173,18 @@ impl Stream {
         Prepared { arena, passes, units }
     }
 
-    fn pass(&self, name: &'static str, plan: &Plan, bases: [Addr; 3], part: Part) -> Step {
+    fn pass(&self, name: &'static str, placement: &Placement, bases: [Addr; 3], part: Part) -> Step {
         let lines = part.lines;
         assert!(lines > 0 && u64::from(lines).is_multiple_of(UNROLL), "{lines} lines");
         let turns = (u64::from(lines) / UNROLL) as i32;
         let laps = part.laps as i32;
-        let table = plan.table();
+        let table = placement.table();
         // One kernel a shape, so that what a loop does not do is not in it.
         macro_rules! shape {
             ($reads:literal, $store:ident) => {{
                 let prefetch = self.prefetch;
                 let kernel = Loop::<$reads, { Store::$store as u8 }> { table, bases, turns, laps, prefetch };
-                pass(name, plan.tasks, kernel)
+                pass(name, placement.tasks, kernel)
             }};
         }
         match (self.reads, self.store) {
@@ -206,7 +207,7 @@ struct Loop<const READS: usize, const STORE: u8> {
     table: Addr,
     /// The arrays that are read, then the one that is written.
     bases: [Addr; 3],
-    /// Of a lap.
+    /// Turns of the loop in a lap.
     turns: i32,
     laps: i32,
     prefetch: Prefetch,
@@ -224,7 +225,7 @@ impl<const READS: usize, const STORE: u8> Loop<READS, STORE> {
         }
     }
 
-    /// What is made of a line.
+    /// The value that the loop makes of the lines it read, one of each array.
     #[inline(always)]
     fn compute<V: Vpu>(
         &self,

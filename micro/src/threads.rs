@@ -9,25 +9,25 @@ use lrbsim_isa::{Addr, Arena};
 /// tasks; those in between end at once.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Threads {
-    /// One a core, then a second one a core, and so on.
+    /// So many threads: one on each core, then a second one on each core, and so on.
     Spread(u32),
-    /// So many on one core.
+    /// Threads that all run on one core.
     OnCore {
-        /// Which core.
+        /// The core that the threads run on.
         core: u32,
-        /// How many.
+        /// How many threads run on the core.
         threads: u32,
     },
 }
 
-/// For each task, where its thread starts; [`Plan::IDLE`] for tasks without a thread.
-pub(crate) struct Plan {
+/// For each task, where its thread starts; [`Placement::IDLE`] for tasks without a thread.
+pub(crate) struct Placement {
     pub(crate) tasks: u32,
     table: Addr,
 }
 
 impl Threads {
-    /// Number of threads.
+    /// How many threads there are.
     pub fn count(self) -> u32 {
         match self {
             Threads::Spread(threads) | Threads::OnCore { threads, .. } => threads,
@@ -51,22 +51,22 @@ impl Threads {
     }
 
     /// Tells the thread of each rank where it starts.
-    pub(crate) fn plan(self, arena: &mut Arena, cores: u32, start_of: impl Fn(u32) -> u32) -> Plan {
+    pub(crate) fn place(self, arena: &mut Arena, cores: u32, start_of: impl Fn(u32) -> u32) -> Placement {
         let tasks = (0..self.count()).map(|rank| self.task(rank, cores) + 1).max().unwrap_or(0);
-        let mut starts = vec![Plan::IDLE as u32; tasks as usize];
+        let mut starts = vec![Placement::IDLE as u32; tasks as usize];
         for rank in 0..self.count() {
             let start = start_of(rank);
             assert!(start <= i32::MAX as u32, "thread {rank} starts past what an index reaches");
             starts[self.task(rank, cores) as usize] = start;
         }
-        Plan { tasks, table: arena.alloc_u32(&starts) }
+        Placement { tasks, table: arena.alloc_u32(&starts) }
     }
 }
 
-impl Plan {
+impl Placement {
     const IDLE: i32 = -1;
 
-    /// The table, for [`start`].
+    /// The table of places where threads start, for [`start`].
     pub(crate) fn table(&self) -> Addr {
         self.table
     }
@@ -76,7 +76,7 @@ impl Plan {
 #[inline(always)]
 pub(crate) fn start<V: Vpu>(v: &mut V, table: Addr, task: V::S32) -> Option<V::S32> {
     let start = v.s_load(table, task);
-    let idle = v.s_imm(Plan::IDLE);
+    let idle = v.s_imm(Placement::IDLE);
     v.branch(Compare::NotEqual, start, idle).then_some(start)
 }
 

@@ -1,5 +1,5 @@
-//! Pictures that follow one another in one file: an animated PNG, which browsers play and everybody else shows the first
-//! frame of.
+//! Pictures that follow one another in one file: an animated PNG, which browsers play and everybody else shows the
+//! first frame of.
 
 /// Frames a second.
 const RATE: u16 = 8;

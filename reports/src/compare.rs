@@ -32,22 +32,22 @@ pub struct Comparison {
 /// Two times and their difference, in picoseconds of simulated time.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Change {
-    /// In run A.
+    /// Picoseconds in run A.
     pub a_ps: i64,
-    /// In run B.
+    /// Picoseconds in run B.
     pub b_ps: i64,
-    /// B minus A.
+    /// Picoseconds in run B less those in run A.
     pub change_ps: i64,
 }
 
 /// What changed in one phase.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct PhaseChange {
-    /// Stable name.
+    /// Stable name of the phase.
     pub id: String,
-    /// Title for people.
+    /// Title of the phase for people.
     pub title: String,
-    /// Its time.
+    /// Time of the phase in both runs.
     pub time: Change,
     /// Change of its time by cause; adds up to that of the phase. Picoseconds.
     pub causes_ps: BTreeMap<String, i64>,
@@ -56,11 +56,11 @@ pub struct PhaseChange {
 /// One input that differs.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Difference {
-    /// Path in the report.
+    /// Path of the input in the report.
     pub path: String,
-    /// In run A; null where it is missing.
+    /// Value of the input in run A; null where it is missing.
     pub a: Value,
-    /// In run B; null where it is missing.
+    /// Value of the input in run B; null where it is missing.
     pub b: Value,
 }
 
@@ -70,19 +70,19 @@ pub struct Difference {
 pub enum PictureChange {
     /// Bit for bit the same visibility.
     Same,
-    /// They differ; the pictures themselves are not there to tell by how much.
+    /// The pictures differ, and are not there themselves to tell by how much.
     Differs,
-    /// They have other sizes.
+    /// The pictures have other sizes.
     OtherSize,
     /// Visibility differs, in steps of 1/255.
     By {
-        /// Pixels that differ.
+        /// How many pixels differ.
         pixels: u64,
         /// Part of all pixels, in [0, 1].
         part: f64,
         /// Root of the mean square difference over all pixels, in [0, 1].
         rmse: f64,
-        /// Greatest difference, in [0, 1].
+        /// Greatest difference of a pixel, in [0, 1].
         greatest: f64,
     },
 }
@@ -185,7 +185,8 @@ fn cause_times(phase: &PhaseReport, ps: i64) -> [i64; Cause::COUNT] {
     shared_out(ps, &cycles).try_into().expect("a part for each cause")
 }
 
-/// `whole` in whole parts that stand to each other as `weights` and add up to it: the largest remainders are rounded up.
+/// `whole` in whole parts that stand to each other as `weights` and add up to it: the largest remainders are rounded
+/// up.
 fn shared_out(whole: i64, weights: &[u64]) -> Vec<i64> {
     let sum: u128 = weights.iter().map(|weight| u128::from(*weight)).sum();
     if sum == 0 {

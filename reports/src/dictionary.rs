@@ -12,7 +12,7 @@ pub struct Entry {
     pub path: String,
     /// Unit; `1` for parts and ratios.
     pub unit: &'static str,
-    /// What it is.
+    /// What the number measures, in a sentence.
     pub meaning: String,
 }
 
@@ -66,8 +66,8 @@ pub fn entries() -> Vec<Entry> {
     entries
 }
 
-/// The paths under which a report with phases of these `ids` may have a number, as [`crate::metric::Numbers`] finds them; a
-/// last name of `*` stands for any.
+/// The paths under which a report with phases of these `ids` may have a number, as [`crate::metric::Numbers`] finds
+/// them; a last name of `*` stands for any.
 pub fn paths(ids: &[&str]) -> Vec<String> {
     let with_ids = |entry: Entry| match entry.path.strip_prefix("phases[].") {
         Some(rest) => ids.iter().map(|id| format!("phases.{id}.{rest}")).collect(),

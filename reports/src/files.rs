@@ -15,7 +15,7 @@ use crate::picture::sha256;
 pub struct FileError {
     /// What was tried: `cannot create`, `cannot write`, …
     pub action: &'static str,
-    /// The file or folder.
+    /// The file or folder that it was tried with.
     pub path: PathBuf,
     /// What the operating system said.
     pub source: io::Error,
@@ -49,8 +49,8 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
     write_with_temporary(path, &path.with_file_name(name), bytes)
 }
 
-/// Writes `bytes` to `path` through `temporary`, a file beside it that only one process writes to at a time: what a killed
-/// process left there is written over.
+/// Writes `bytes` to `path` through `temporary`, a file beside it that only one process writes to at a time: what a
+/// killed process left there is written over.
 pub fn write_with_temporary(path: &Path, temporary: &Path, bytes: &[u8]) -> Result<(), FileError> {
     let _writing = writing();
     let written = write_whole(temporary, bytes).and_then(|()| fs::rename(temporary, path));
@@ -67,7 +67,8 @@ fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
     file.sync_all()
 }
 
-/// Name of the list of a folder's results: a line a file, its SHA-256 and its name, as `sha256sum` writes and checks them.
+/// Name of the list of a folder's results: a line a file, its SHA-256 and its name, as `sha256sum` writes and checks
+/// them.
 pub const LIST: &str = "SHA256SUMS";
 
 /// Names of the results in `folder` with their hashes, by its [`LIST`]; none where there is no list.
@@ -80,10 +81,11 @@ pub fn listed(folder: &Path) -> BTreeMap<String, String> {
 
 /// A folder of results that appear together.
 ///
-/// [`ResultDir::open`] proves at once that the folder can be written, before a long run, and leaves nothing there. The first
-/// staged file creates a staging folder inside it, [`ResultDir::replace`] and [`ResultDir::add`] rename the files into
-/// place. Dropped without either, it leaves nothing behind. Two processes may write to one folder: the second waits for the
-/// first. What a killed one left half is removed by the next. Files that are no results are never touched.
+/// [`ResultDir::open`] proves at once that the folder can be written, before a long run, and leaves nothing there. The
+/// first staged file creates a staging folder inside it, [`ResultDir::replace`] and [`ResultDir::add`] rename the files
+/// into place. Dropped without either, it leaves nothing behind. Two processes may write to one folder: the second
+/// waits for the first. What a killed one left half is removed by the next. Files that are no results are never
+/// touched.
 #[derive(Debug)]
 pub struct ResultDir {
     target: PathBuf,
@@ -174,8 +176,8 @@ impl ResultDir {
         self.put_in_place(Some(BTreeMap::new()))
     }
 
-    /// Moves all staged files into place beside what is there, and tells their paths. Where results have a list, it names
-    /// these files too.
+    /// Moves all staged files into place beside what is there, and tells their paths. Where results have a list, it
+    /// names these files too.
     pub fn add(self) -> Result<Vec<PathBuf>, FileError> {
         let list = self.target.join(LIST).is_file().then(|| listed(&self.target));
         self.put_in_place(list)

@@ -30,17 +30,17 @@ pub struct FramesReport {
     pub frames: Vec<FrameSummary>,
 }
 
-/// One frame.
+/// One frame of a moving scene in numbers.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FrameSummary {
     /// Time in the scene, from 0 to 1.
     pub time: f64,
-    /// Simulated cycles.
+    /// Simulated cycles of the frame.
     pub cycles: Option<u64>,
-    /// Simulated milliseconds.
+    /// Simulated milliseconds of the frame.
     pub ms: Option<f64>,
-    /// Simulated instructions.
+    /// Simulated instructions of the frame.
     pub instructions: u64,
     /// Milliseconds of each phase, in program order.
     pub phases: Vec<FramePhase>,
@@ -54,9 +54,9 @@ pub struct FrameSummary {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FramePhase {
-    /// Stable name.
+    /// Stable name of the phase.
     pub id: String,
-    /// Simulated milliseconds.
+    /// Simulated milliseconds of the phase.
     pub ms: Option<f64>,
 }
 

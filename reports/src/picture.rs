@@ -46,8 +46,8 @@ pub(crate) fn canonical(value: f32) -> f32 {
 
 /// A frame as a viewer sees it: visibility of the light times the cosine at the surface, and a background.
 ///
-/// Row-major from the top left; `visibility` is NaN where nothing was hit; `cosine` is between the surface's normal and the
-/// direction to the light's center, in [-1, 1].
+/// Row-major from the top left; `visibility` is NaN where nothing was hit; `cosine` is between the surface's normal and
+/// the direction to the light's center, in [-1, 1].
 ///
 /// # Panics
 /// When a slice has not `width * height` values.

@@ -125,6 +125,10 @@ pub struct PhaseReport {
     pub cycles: Option<u64>,
     /// `cycles` in milliseconds at the machine's clock.
     pub ms: Option<f64>,
+    /// Between these milliseconds `ms` lies with 95 % confidence, where it was extrapolated from a sample; null where every
+    /// task was timed.
+    #[serde(default)]
+    pub ms_interval: Option<[f64; 2]>,
     /// Part of the frame's cycles, in [0, 1].
     pub share: Option<f64>,
     /// Simulated instructions.
@@ -152,6 +156,27 @@ pub struct PhaseReport {
     pub memory: Option<MemoryCounters>,
     /// Locked operations.
     pub atomics: Option<AtomicCounters>,
+    /// The steps of the phase, in order.
+    #[serde(default)]
+    pub by_step: Vec<StepRow>,
+}
+
+/// One step of a phase: tasks of one kind, ended by a global barrier.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct StepRow {
+    /// Name of the step; a phase may have several of one name.
+    pub name: String,
+    /// Tasks of the step.
+    pub tasks: u64,
+    /// Simulated instructions of the step.
+    pub instructions: u64,
+    /// Simulated cycles from the first task to the end of the barrier.
+    pub cycles: Option<u64>,
+    /// `cycles` in milliseconds at the machine's clock.
+    pub ms: Option<f64>,
+    /// Core-cycles by what they were spent on; they add up to `cycles` times the number of cores.
+    pub cycle_stack: Option<CycleStack>,
 }
 
 /// Simulated instructions by kind. The kinds exclude each other and add up to `total`.
@@ -200,6 +225,10 @@ pub struct Total {
     pub cycles: Option<u64>,
     /// Milliseconds of all phases.
     pub ms: Option<f64>,
+    /// Between these milliseconds `ms` lies with 95 % confidence, where some of it was extrapolated from a sample; null where
+    /// every task was timed.
+    #[serde(default)]
+    pub ms_interval: Option<[f64; 2]>,
     /// Frames per second, were the frame nothing but these phases.
     pub fps: Option<f64>,
     /// Milliseconds of the phases that the published totals contain.
@@ -247,8 +276,23 @@ impl Total {
         let ms = |cycles: Option<u64>| cycles.map(|cycles| milliseconds(cycles, clock_ghz));
         let fps = |ms: Option<f64>| ms.filter(|ms| *ms > 0.0).map(|ms| 1e3 / ms);
         let (all, paper) = (cycles(false), if cycles(false).is_some() { cycles(true) } else { None });
-        Total { cycles: all, ms: ms(all), fps: fps(ms(all)), paper_ms: ms(paper), paper_fps: fps(ms(paper)) }
+        Total {
+            cycles: all,
+            ms: ms(all),
+            ms_interval: ms(all).and_then(|ms| interval_of_sum(ms, phases)),
+            fps: fps(ms(all)),
+            paper_ms: ms(paper),
+            paper_fps: fps(ms(paper)),
+        }
     }
+}
+
+/// The interval of `ms`, the sum of the times of `phases`, whose errors do not depend on one another; `None` where none of
+/// them has an interval.
+fn interval_of_sum(ms: f64, phases: &[PhaseReport]) -> Option<[f64; 2]> {
+    let halves = phases.iter().filter_map(|phase| phase.ms_interval).map(|[low, high]| (high - low) / 2.0);
+    let half = halves.map(|half| half * half).sum::<f64>().sqrt();
+    (half > 0.0).then(|| [(ms - half).max(0.0), ms + half])
 }
 
 impl ImageSummary {

@@ -7,7 +7,7 @@ use lrbsim_machine::{MachineConfig, builtin_machine};
 
 use crate::run::{
     ImageSummary, Instructions, Lanes, PhaseReport, Provenance, RunReport, SCHEMA_VERSION, SceneSummary,
-    Total, milliseconds,
+    StepRow, Total, milliseconds,
 };
 use crate::validation::ModelError;
 
@@ -24,6 +24,7 @@ fn phase(id: &str, title: &str, in_paper_total: bool, cycles: u64) -> PhaseRepor
         tasks: 300,
         cycles: Some(cycles),
         ms: Some(milliseconds(cycles, 1.0)),
+        ms_interval: None,
         share: Some(cycles as f64 / 1e7),
         instructions: Instructions {
             total: cycles * 3,
@@ -54,6 +55,14 @@ fn phase(id: &str, title: &str, in_paper_total: bool, cycles: u64) -> PhaseRepor
         directory: Some(Default::default()),
         memory: Some(Default::default()),
         atomics: Some(Default::default()),
+        by_step: vec![StepRow {
+            name: format!("{id} step"),
+            tasks: 96,
+            instructions: cycles * 3,
+            cycles: Some(cycles),
+            ms: Some(milliseconds(cycles, 1.0)),
+            cycle_stack: None,
+        }],
     }
 }
 

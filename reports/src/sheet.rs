@@ -7,35 +7,35 @@ use serde_json::Value;
 /// A table: every row has a cell for every column.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Sheet {
-    /// Titles, unit included.
+    /// Titles of the columns, unit included.
     pub columns: Vec<String>,
-    /// Cells, row by row.
+    /// Cells of the table, row by row.
     pub rows: Vec<Vec<Cell>>,
 }
 
-/// One cell.
+/// One cell of a table.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Cell {
-    /// Words.
+    /// The cell holds words.
     Text(String),
-    /// A number; tables for people show four digits of it, CSV all.
+    /// The cell holds a number; tables for people show four digits of it, CSV all.
     Number(f64),
-    /// Nothing was measured.
+    /// The cell is empty: nothing was measured.
     Missing,
 }
 
 impl Cell {
-    /// A number, or nothing.
+    /// The cell of a number that may be missing.
     pub fn maybe(number: Option<f64>) -> Cell {
         number.map_or(Cell::Missing, Cell::Number)
     }
 
-    /// A value of an axis.
+    /// The cell of a value of an axis.
     pub fn value(value: &Value) -> Cell {
         value.as_f64().map_or_else(|| Cell::Text(show_value(value)), Cell::Number)
     }
 
-    /// As people read it.
+    /// The cell as people read it.
     pub fn shown(&self) -> String {
         match self {
             Cell::Text(text) => text.clone(),
@@ -79,7 +79,7 @@ pub fn short(number: f64) -> String {
 }
 
 impl Sheet {
-    /// As a Markdown table.
+    /// The table in Markdown.
     pub fn markdown(&self) -> String {
         let mut text = String::new();
         let escape = |cell: &str| cell.replace('|', "\\|").replace('\n', " ");
@@ -95,7 +95,7 @@ impl Sheet {
         text
     }
 
-    /// As comma-separated values with every digit (RFC 4180, line feeds alone).
+    /// The table as comma-separated values with every digit (RFC 4180, line feeds alone).
     pub fn csv(&self) -> String {
         let quote = |cell: String| {
             let special = cell.contains([',', '"', '\n', '\r']);
@@ -111,7 +111,7 @@ impl Sheet {
         text
     }
 
-    /// As aligned text.
+    /// The table as aligned text.
     pub fn terminal(&self) -> String {
         let mut lines: Vec<Vec<String>> = vec![self.columns.clone()];
         lines.extend(self.rows.iter().map(|row| row.iter().map(Cell::shown).collect()));

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::BTreeMap;
 
-use crate::run::RunReport;
+use crate::run::{RunReport, Warning};
 
 /// Version of the layout of [`StudyReport`].
 pub const STUDY_SCHEMA_VERSION: u32 = 1;
@@ -22,7 +22,7 @@ pub struct StudyFile {
     /// The run that every point starts from.
     #[serde(default)]
     pub base: Base,
-    /// What is varied.
+    /// The axes: what is varied.
     pub axes: Vec<StudyAxis>,
     /// Which combinations of the axes are run.
     #[serde(default)]
@@ -33,10 +33,10 @@ pub struct StudyFile {
     /// The number that is asked for: a path in the report, such as `total.ms` or `phases.soft.cycles`.
     #[serde(default = "total_ms")]
     pub metric: String,
-    /// Further columns of the table: paths in the report.
+    /// Further columns of the study's table: paths in the report.
     #[serde(default)]
     pub columns: Vec<String>,
-    /// What to make of the results.
+    /// The analyses to make of the results.
     #[serde(default)]
     pub analysis: Vec<AnalysisEntry>,
 }
@@ -59,7 +59,7 @@ pub struct Base {
     pub fidelity: String,
     /// Frames to run before the measured one.
     pub warm_frames: u32,
-    /// Further changes: paths as in axes.
+    /// Further changes of the base run: paths as in axes.
     pub set: BTreeMap<String, Value>,
 }
 
@@ -83,16 +83,16 @@ pub struct StudyAxis {
     /// A field of the machine (`cores`, `l2.capacity_bytes`), or one of `scene`, `machine`, `algorithm`, `fidelity`,
     /// `warm_frames`, `time`, or a field of the scene (`scene.light.radius`).
     pub path: String,
-    /// Values, in their order.
+    /// Values of the axis, in their order.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub values: Vec<Value>,
-    /// Least value of a range.
+    /// Least value of the axis's range.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub min: Option<f64>,
-    /// Greatest value of a range.
+    /// Greatest value of the axis's range.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub max: Option<f64>,
-    /// How values of a range are drawn.
+    /// How the values of the axis's range are drawn.
     #[serde(default, skip_serializing_if = "Draw::is_default")]
     pub draw: Draw,
 }
@@ -101,14 +101,14 @@ pub struct StudyAxis {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Draw {
-    /// Evenly; whole numbers where the path takes nothing else, such as `cores`.
+    /// Values are drawn evenly; whole numbers where the path takes nothing else, such as `cores`.
     #[default]
     Linear,
-    /// Evenly in the logarithm; whole numbers where the path takes nothing else.
+    /// Values are drawn evenly in the logarithm; whole numbers where the path takes nothing else.
     Log,
-    /// Whole numbers, evenly.
+    /// Whole numbers are drawn, evenly.
     Integer,
-    /// Powers of two, evenly in the exponent.
+    /// Powers of two are drawn, evenly in the exponent.
     PowerOfTwo,
 }
 
@@ -122,18 +122,18 @@ impl Draw {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Sampling {
-    /// Every combination; the last axis varies fastest.
+    /// Every combination is run; the last axis varies fastest.
     #[default]
     Grid,
-    /// The first values of all axes, then the second ones: axes have as many values each.
+    /// The first values of all axes are run, then the second ones: axes have as many values each.
     List,
-    /// The base, and every value of one axis at a time.
+    /// The base is run, and every value of one axis at a time.
     OneAtATime,
-    /// Values drawn at random, with a seed.
+    /// Values drawn at random, with a seed, are run.
     Random {
-        /// How many.
+        /// How many points are drawn.
         points: u32,
-        /// The same seed draws the same points.
+        /// Seed of the random choices: the same seed draws the same points.
         seed: u64,
     },
 }
@@ -145,9 +145,9 @@ pub enum Sampling {
     expecting = "an analysis is one of \"table\", \"speedup\", \"power_law\", \"pareto\", \"sensitivity\", or {\"kind\": one of these, \"x\": PATH, \"y\": PATH}"
 )]
 pub enum AnalysisEntry {
-    /// With its usual options.
+    /// An analysis with its usual options.
     Name(AnalysisKind),
-    /// With options.
+    /// An analysis with options of its own.
     Options(Analysis),
 }
 
@@ -155,25 +155,25 @@ pub enum AnalysisEntry {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Analysis {
-    /// Which.
+    /// Which analysis it is.
     pub kind: AnalysisKind,
-    /// What it is drawn over: an axis or a path in the report. The first axis of numbers if left out.
+    /// What the analysis is drawn over: an axis or a path in the report. The first axis of numbers if left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub x: Option<String>,
-    /// What is measured: a path in the report. The study's metric if left out.
+    /// What the analysis measures: a path in the report. The study's metric if left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub y: Option<String>,
 }
 
-/// What can be made of results.
+/// An analysis that can be made of the results of a study.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum AnalysisKind {
     /// Every point with its numbers.
     Table,
-    /// How many times as fast as the first, and how much of that was to be had.
+    /// How many times as fast each point is as the first, and how much of that was to be had.
     Speedup,
-    /// The exponent with its confidence interval.
+    /// The exponent of a power law through the points, with its confidence interval.
     PowerLaw,
     /// The points that no other beats in both numbers.
     Pareto,
@@ -201,9 +201,9 @@ pub struct StudyReport {
     pub lrbsim_version: String,
     /// Version of what the simulator's numbers mean: raised when the same inputs give other numbers.
     pub semantics: u32,
-    /// The study.
+    /// The study as it was written.
     pub study: StudyFile,
-    /// Its points, in the order of the study.
+    /// The points of the study, in its order.
     pub points: Vec<StudyPoint>,
 }
 
@@ -215,9 +215,9 @@ pub struct StudyPoint {
     pub values: Vec<Value>,
     /// Hash of everything that determines the point; empty if that could not be found out.
     pub key: String,
-    /// Why there is no report.
+    /// Why the point has no report.
     pub error: Option<String>,
-    /// What was measured; the sources of the machine's numbers are left out.
+    /// What was measured at the point; the sources of the machine's numbers are left out.
     pub report: Option<RunReport>,
 }
 
@@ -233,6 +233,26 @@ impl StudyReport {
         text.replace_range(empty..empty + 2, &format!("[{}\n  ]", points.join(",")));
         text.push('\n');
         text
+    }
+
+    /// What makes points suspicious: a line for each kind of warning, with the number of points that carry it.
+    pub fn warnings(&self) -> Vec<String> {
+        let reports = || self.points.iter().filter_map(|point| point.report.as_ref());
+        let mut first: Vec<&Warning> = Vec::new();
+        for warning in reports().flat_map(|report| &report.warnings) {
+            if first.iter().all(|known| known.kind != warning.kind) {
+                first.push(warning);
+            }
+        }
+        let line = |Warning { kind, message }: &Warning| {
+            let carries = |report: &&RunReport| report.warnings.iter().any(|warning| warning.kind == *kind);
+            format!(
+                "warning at {} of {} points: {message}",
+                reports().filter(carries).count(),
+                self.points.len()
+            )
+        };
+        first.into_iter().map(line).collect()
     }
 
     /// The report of the point with `values`.

@@ -82,7 +82,7 @@ fn row(phase: &PhaseReport, timed: bool) -> Row {
     }
     vec![
         title,
-        number(phase.ms, 3),
+        time(phase.ms, phase.ms_interval),
         percent_fine(phase.share),
         instructions,
         number(phase.ipc, 2),
@@ -91,6 +91,14 @@ fn row(phase: &PhaseReport, timed: bool) -> Row {
         percent(phase.l2.as_ref().and_then(hit_rate)),
         waits(phase),
     ]
+}
+
+/// Milliseconds, and how far they may be off where they were extrapolated: `1.234 ± 0.050`.
+fn time(ms: Option<f64>, interval: Option<[f64; 2]>) -> String {
+    match interval {
+        None => number(ms, 3),
+        Some([low, high]) => format!("{} ± {:.3}", number(ms, 3), (high - low) / 2.0),
+    }
 }
 
 /// The causes that core-cycles without an instruction were lost to, the greatest first.
@@ -137,8 +145,8 @@ fn totals(report: &RunReport, timed: bool) -> Vec<Row> {
     if !timed {
         return vec![vec!["total".to_owned(), instructions]];
     }
-    let line = |title: &str, ms: Option<f64>, share: &str, instructions: String, fps: Option<f64>| {
-        let mut row = vec![title.to_owned(), number(ms, 3), share.to_owned(), instructions];
+    let line = |title: &str, ms: String, share: &str, instructions: String, fps: Option<f64>| {
+        let mut row = vec![title.to_owned(), ms, share.to_owned(), instructions];
         row.extend([const { String::new() }; 4]);
         row.push(fps.map_or(String::new(), |fps| format!("{fps:.1} fps")));
         row
@@ -148,8 +156,14 @@ fn totals(report: &RunReport, timed: bool) -> Vec<Row> {
     let paper_share =
         percent_fine(total.ms.filter(|ms| *ms > 0.0).zip(total.paper_ms).map(|(all, paper)| paper / all));
     vec![
-        line("total", total.ms, &percent_fine(Some(1.0)), instructions, total.fps),
-        line("paper's total", total.paper_ms, &paper_share, millions(paper_instructions), total.paper_fps),
+        line("total", time(total.ms, total.ms_interval), &percent_fine(Some(1.0)), instructions, total.fps),
+        line(
+            "paper's total",
+            number(total.paper_ms, 3),
+            &paper_share,
+            millions(paper_instructions),
+            total.paper_fps,
+        ),
     ]
 }
 

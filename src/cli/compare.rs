@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use lrbsim::BadInput;
-use lrbsim::outcomes::{Changes, Outcome, Written};
+use lrbsim::written::{Changes, Results, Written};
 use lrbsim_reports::compare::render;
 use lrbsim_reports::sheet::{Cell, Sheet};
 
@@ -53,7 +53,7 @@ pub(crate) fn run(args: &CompareArgs, out: &mut impl Write) -> Result<bool, Fail
         return Ok(passed);
     }
     writeln!(out, "A: {}\nB: {}\n", args.a.display(), args.b.display())?;
-    if let Outcome::Study(study) = &a.outcome {
+    if let Results::Study(study) = &a.results {
         let axes: Vec<String> = study.study.axes.iter().map(|axis| axis.path.clone()).collect();
         writeln!(out, "{}", points_sheet(&axes, &changes).terminal())?;
         if changes.unmatched > 0 {

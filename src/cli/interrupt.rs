@@ -5,7 +5,8 @@ use lrbsim_reports::files::undisturbed;
 /// Exit code of an interrupted command, as shells have it for Ctrl-C.
 const INTERRUPTED: i32 = 130;
 
-/// On an interrupt, does `last` and ends the process with nothing half written: what is being written is finished first.
+/// On an interrupt, does `last` and ends the process with nothing half written: what is being written is finished
+/// first.
 pub(crate) fn on_interrupt(mut last: impl FnMut() + Send + 'static) {
     let handler = move || {
         last();

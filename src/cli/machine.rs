@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use clap::Subcommand;
-use lrbsim::{BadInput, Machine, Setting};
+use lrbsim::{Machine, Setting};
 use lrbsim_machine::builtin_machine_names;
 
 use super::Failure;
@@ -36,9 +36,7 @@ pub(crate) fn run(command: &MachineCommand, out: &mut impl Write) -> Result<(), 
             }
         }
         MachineCommand::Show { machine, settings } => {
-            let settings: Vec<Setting> =
-                settings.iter().map(|text| text.parse()).collect::<Result<_, BadInput>>()?;
-            let machine = Machine::load(machine, &settings)?;
+            let machine = Machine::load(machine, &Setting::all(settings)?)?;
             let text =
                 serde_json::to_string_pretty(&machine.config).expect("a configuration has string keys");
             writeln!(out, "{text}")?;

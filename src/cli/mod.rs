@@ -20,7 +20,8 @@ use clap::{Parser, Subcommand};
 use lrbsim::BadInput;
 use lrbsim_workloads::Scene;
 
-/// Exit code for a check that failed: a comparison, a validation, a verification, or a study with points that have no result.
+/// Exit code for a check that failed: a comparison, a validation, a verification, or a study with points that have no
+/// result.
 const CHECK_FAILED: u8 = 1;
 
 /// Exit code for bad input.

@@ -19,12 +19,7 @@ pub(crate) struct Bar {
 impl Bar {
     /// A bar that is drawn when `visible`.
     pub(crate) fn new(visible: bool) -> Bar {
-        let target =
-            if visible { ProgressDrawTarget::stderr_with_hz(10) } else { ProgressDrawTarget::hidden() };
-        let bar = ProgressBar::with_draw_target(Some(0), target);
-        if visible {
-            bar.enable_steady_tick(Duration::from_millis(100));
-        }
+        let bar = on_standard_error(visible);
         Bar { bar, uops: AtomicU64::new(0), watched: AtomicBool::new(false), watch: Stopwatch::start() }
     }
 
@@ -82,6 +77,16 @@ impl Progress for Bar {
     }
 }
 
-fn style(template: &str) -> ProgressStyle {
+/// A bar on standard error that is drawn when `visible`.
+pub(super) fn on_standard_error(visible: bool) -> ProgressBar {
+    if !visible {
+        return ProgressBar::hidden();
+    }
+    let bar = ProgressBar::with_draw_target(Some(0), ProgressDrawTarget::stderr_with_hz(10));
+    bar.enable_steady_tick(Duration::from_millis(100));
+    bar
+}
+
+pub(super) fn style(template: &str) -> ProgressStyle {
     ProgressStyle::with_template(template).expect("the template is a constant")
 }

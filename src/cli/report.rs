@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use lrbsim::BadInput;
-use lrbsim::outcomes::{Outcome, Written};
+use lrbsim::written::{Results, Written};
 use lrbsim::{frames, study};
 use lrbsim_reports::files::ResultDir;
 use lrbsim_reports::frames::FramesReport;
@@ -25,8 +25,8 @@ pub(crate) fn run(args: &ReportArgs, out: &mut impl Write) -> Result<(), Failure
     on_interrupt(|| ());
     let written = Written::load(&args.dir)?;
     let folder = &written.folder;
-    let files = match &written.outcome {
-        Outcome::Run(report) => {
+    let files = match &written.results {
+        Results::Run(report) => {
             let moving = moving(folder).filter(|moving| {
                 // Frames of an earlier run in this folder are not those of this report.
                 moving.frames.get(moving.worst_frame).is_some_and(|worst| worst.sha256 == report.image.sha256)
@@ -50,7 +50,7 @@ pub(crate) fn run(args: &ReportArgs, out: &mut impl Write) -> Result<(), Failure
                 ("table.txt".to_owned(), table::render(report).into_bytes()),
             ]
         }
-        Outcome::Study(report) => study::drawings(report),
+        Results::Study(report) => study::drawings(report),
     };
     write(folder, &files, out)
 }

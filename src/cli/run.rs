@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use clap::Args;
-use lrbsim::outcomes::replaced_run;
+use lrbsim::choices;
+use lrbsim::written::replaced_run;
 use lrbsim::{
     Algorithm, BadInput, HostOptions, Machine, RunRequest, Setting, frames, inputs, results, run_frame,
 };
@@ -17,9 +18,6 @@ use lrbsim_reports::table;
 use super::Failure;
 use super::interrupt::on_interrupt;
 use super::progress::Bar;
-
-/// The fidelity of a run that names none.
-const FIDELITY: &str = "windowed";
 
 #[derive(Debug, Args)]
 pub(crate) struct RunArgs {
@@ -35,8 +33,14 @@ pub(crate) struct RunArgs {
     #[arg(long = "set", value_name = "PATH=VALUE")]
     settings: Vec<String>,
 
-    /// Shadow algorithm and its options.
-    #[arg(short, long, value_name = "ALGORITHM[:K=V,…]", default_value = "sism:form=exact")]
+    /// Shadow algorithm and its options; `--help` lists them.
+    #[arg(
+        short,
+        long,
+        value_name = "ALGORITHM[:K=V,…]",
+        default_value_t = Algorithm::default().to_string(),
+        long_help = choices::algorithm_help()
+    )]
     algorithm: String,
 
     /// Size of the picture in pixels, instead of the scene's.
@@ -47,8 +51,13 @@ pub(crate) struct RunArgs {
     #[arg(long, value_name = "R", allow_negative_numbers = true)]
     light_radius: Option<f64>,
 
-    /// How much of the machine is modeled: functional, windowed or cycle.
-    #[arg(long, value_name = "LEVEL", default_value = FIDELITY)]
+    /// How much of the machine is modeled; `--help` lists the levels.
+    #[arg(
+        long,
+        value_name = "LEVEL",
+        default_value_t = Fidelity::default().to_string(),
+        long_help = choices::fidelity_help()
+    )]
     fidelity: String,
 
     /// Host threads, all of the host's if not given; changes no result.
@@ -89,15 +98,14 @@ pub(crate) fn run(args: &RunArgs, out: &mut impl Write) -> Result<(), Failure> {
     on_interrupt(|| ());
     // Everything that can be wrong is found before the long run.
     let algorithm = Algorithm::from_str(&args.algorithm)?;
-    let fidelity = Fidelity::from_str(&args.fidelity).map_err(|error| BadInput::new(error.to_string()))?;
+    let fidelity = Fidelity::from_str(&args.fidelity).map_err(BadInput::from)?;
     let host = host_options(args)?;
-    let settings: Vec<Setting> =
-        args.settings.iter().map(|text| text.parse()).collect::<Result<_, BadInput>>()?;
-    let machine = Machine::load(&args.machine, &settings)?;
+    let machine = Machine::load(&args.machine, &Setting::all(&args.settings)?)?;
     let size = args.size.as_deref().map(parse_size).transpose()?;
     let bar = Bar::new(std::io::stderr().is_terminal());
     bar.note("loading");
-    let mut scene = inputs::scene(&args.scene)?;
+    let name = inputs::scene_name(&args.scene)?;
+    let mut scene = inputs::scene_with(&name, &[])?;
     if let Some((width, height)) = size {
         inputs::resize(&mut scene, width, height)?;
     }
@@ -111,7 +119,7 @@ pub(crate) fn run(args: &RunArgs, out: &mut impl Write) -> Result<(), Failure> {
         Some(target) => target.clone(),
         None => results::default_dir(&scene.name, &machine.config.name, &algorithm, &asked(args)),
     };
-    let mut files_read = inputs::scene_files(&args.scene, &scene);
+    let mut files_read = name.files(&scene);
     files_read.extend(inputs::machine_file(&args.machine));
     let mut names = results::names(args.dump);
     names.extend(args.frames.iter().flat_map(|_| frames::FILES));
@@ -161,7 +169,7 @@ fn asked(args: &RunArgs) -> Vec<String> {
     };
     option("size", args.size.clone());
     option("light-radius", args.light_radius.map(|radius| radius.to_string()));
-    option("fidelity", (args.fidelity != FIDELITY).then(|| args.fidelity.clone()));
+    option("fidelity", (args.fidelity != Fidelity::default().to_string()).then(|| args.fidelity.clone()));
     option("warm-frames", (args.warm_frames > 0).then(|| args.warm_frames.to_string()));
     option("frames", args.frames.map(|frames| frames.to_string()));
     option("time", args.time.map(|time| time.to_string()));

@@ -9,8 +9,7 @@ use lrbsim_reports::files::ResultDir;
 use lrbsim_reports::table::{counted, grouped};
 use lrbsim_workloads::scene::{builtin_names, find_model, model_names};
 use lrbsim_workloads::{
-    Adjacency, EyeView, Light, MeshSource, Preview, Scene, SceneFile, builtin_scene, mesh_obj, scene_json,
-    silhouette_edges,
+    Adjacency, EyeView, Light, Preview, Scene, SceneName, mesh_obj, scene_json, silhouette_edges,
 };
 
 use super::Failure;
@@ -25,8 +24,8 @@ const THUMBNAIL_COLUMNS: u32 = 80;
 pub(crate) enum SceneCommand {
     /// List the shipped scenes, and the views of models that must be found.
     ///
-    /// A model is looked up in the folders of LRBSIM_SCENES (configs/scenes/models if that is not set), in their order, and
-    /// then beside the scene file; for a shipped view, in the current folder.
+    /// A model is looked up in the folders of LRBSIM_SCENES (configs/scenes/models if that is not set), in their order,
+    /// and then beside the scene file; for a shipped view, in the current folder.
     List,
     /// Print what is in a scene, and what it looks like.
     Show {
@@ -70,9 +69,10 @@ pub(crate) fn run(command: &SceneCommand, out: &mut impl Write) -> Result<(), Fa
         }
         SceneCommand::Export { scene: name, out: dir } => {
             on_interrupt(|| ());
-            let scene = inputs::scene(name)?;
+            let name = inputs::scene_name(name)?;
+            let scene = inputs::scene_with(&name, &[])?;
             let dir = dir.clone().unwrap_or_else(|| Path::new("out").join(&scene.name));
-            for path in export(&scene, &inputs::scene_files(name, &scene), &dir)? {
+            for path in export(&scene, &name.files(&scene), &dir)? {
                 writeln!(out, "wrote {}", path.display())?;
             }
         }
@@ -102,14 +102,10 @@ fn summary(scene: &Scene) -> String {
 }
 
 /// A view of a model that is not in the binary, without reading it.
-fn model_summary(name: &str) -> Result<String, BadInput> {
-    let text = builtin_scene(name).ok_or_else(|| BadInput::new(format!("`{name}` is not shipped")))?;
-    let file: SceneFile =
-        serde_json::from_str(text).map_err(|error| BadInput::new(format!("`{name}`: {error}")))?;
-    let MeshSource::Path(model) = &file.mesh else {
-        return Err(BadInput::new(format!("`{name}` names no model")));
-    };
-    let found = match find_model(model, Path::new("")) {
+fn model_summary(name: &'static str) -> Result<String, BadInput> {
+    let file = inputs::scene_file(&SceneName::Shipped(name))?.expect("a shipped view has a scene file");
+    let model = file.mesh.to_string();
+    let found = match find_model(&model, Path::new("")) {
         Ok(path) => format!("uses {}", path.display()),
         Err(_) => format!("needs {model} (in a folder of LRBSIM_SCENES, or here)"),
     };

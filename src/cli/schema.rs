@@ -3,12 +3,14 @@
 use std::io::Write;
 
 use clap::{Args, ValueEnum};
+use lrbsim::choices;
 use lrbsim_machine::MachineConfig;
 use lrbsim_reports::frames::FramesReport;
 use lrbsim_reports::study::{StudyFile, StudyReport};
 use lrbsim_reports::{HostReport, RunReport, dictionary};
 use lrbsim_workloads::SceneFile;
 use schemars::schema_for;
+use serde_json::Value;
 
 use super::Failure;
 
@@ -42,7 +44,11 @@ pub(crate) fn run(args: &SchemaArgs, out: &mut impl Write) -> Result<(), Failure
     let schema = match args.format {
         Format::Machine => schema_for!(MachineConfig),
         Format::Scene => schema_for!(SceneFile),
-        Format::Study => schema_for!(StudyFile),
+        Format::Study => {
+            let mut schema = schema_for!(StudyFile).to_value();
+            choices::narrow_study_schema(&mut schema);
+            return print(&schema, out);
+        }
         Format::Report => schema_for!(RunReport),
         Format::Host => schema_for!(HostReport),
         Format::StudyReport => schema_for!(StudyReport),
@@ -52,7 +58,11 @@ pub(crate) fn run(args: &SchemaArgs, out: &mut impl Write) -> Result<(), Failure
             return Ok(());
         }
     };
-    let text = serde_json::to_string_pretty(&schema).expect("a schema has string keys");
+    print(schema.as_value(), out)
+}
+
+fn print(schema: &Value, out: &mut impl Write) -> Result<(), Failure> {
+    let text = serde_json::to_string_pretty(schema).expect("a schema has string keys");
     writeln!(out, "{text}")?;
     Ok(())
 }

@@ -3,19 +3,19 @@
 use std::io::{IsTerminal as _, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
-use std::time::Duration;
 
 use clap::{Args, ValueEnum};
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::ProgressBar;
 use lrbsim::BadInput;
-use lrbsim::outcomes::replaced_study;
 use lrbsim::results::spare_inputs;
-use lrbsim::study::{self, Options, Progress, Status, Study, run_study};
+use lrbsim::study::{self, Options, Status, Study, StudyProgress, run_study};
+use lrbsim::written::replaced_study;
 use lrbsim_reports::analysis::findings;
 use lrbsim_reports::files::ResultDir;
 
 use super::Failure;
 use super::interrupt::on_interrupt;
+use super::progress::{on_standard_error, style};
 
 /// Points at once at most: a host has no more threads.
 const JOBS_MAX: usize = 1024;
@@ -103,6 +103,10 @@ pub(crate) fn run(args: &StudyArgs, out: &mut impl Write) -> Result<bool, Failur
     let status = output.status;
     let replaced = replaced_study(&target, &output.report);
     let paths = study::write(&target, &output.report)?;
+    for warning in output.report.warnings() {
+        // Nobody may be reading; the results are the same.
+        let _ = writeln!(std::io::stderr(), "{warning}");
+    }
     if args.json {
         out.write_all(output.report.to_json().as_bytes())?;
         return Ok(status.failed == 0);
@@ -154,14 +158,9 @@ struct Bar {
 
 impl Bar {
     fn new(visible: bool, resume: bool) -> Bar {
-        let target =
-            if visible { ProgressDrawTarget::stderr_with_hz(10) } else { ProgressDrawTarget::hidden() };
-        let bar = ProgressBar::with_draw_target(Some(1000), target);
-        let style = ProgressStyle::with_template("{prefix} {wide_bar} {percent}% {msg}");
-        bar.set_style(style.expect("the template is a constant"));
-        if visible {
-            bar.enable_steady_tick(Duration::from_millis(100));
-        }
+        let bar = on_standard_error(visible);
+        bar.set_style(style("{prefix} {wide_bar} {percent}% {msg}"));
+        bar.set_length(1000);
         Bar { bar, visible, resume, state: std::sync::Arc::default() }
     }
 
@@ -183,7 +182,7 @@ impl Bar {
     }
 }
 
-impl Progress for Bar {
+impl StudyProgress for Bar {
     fn status(&self, status: &Status) {
         let first = self.state.lock().map(|mut last| last.replace(*status).is_none()).unwrap_or(false);
         if first && self.resume {

@@ -46,18 +46,13 @@ pub(crate) struct ValidateArgs {
 /// Runs the benchmarks; false when a row that must pass does not.
 pub(crate) fn run(args: &ValidateArgs, out: &mut impl Write) -> Result<bool, Failure> {
     on_interrupt(|| ());
-    let fidelity: Fidelity = args
-        .fidelity
-        .parse()
-        .map_err(|error: lrbsim_machine::FidelityError| BadInput::new(error.to_string()))?;
-    if fidelity == Fidelity::Functional {
+    let fidelity: Fidelity = args.fidelity.parse().map_err(BadInput::from)?;
+    if !fidelity.is_timed() {
         return Err(
             BadInput::new("`--fidelity functional` has no times; it must be windowed or cycle").into()
         );
     }
-    let settings: Vec<Setting> =
-        args.settings.iter().map(|text| text.parse()).collect::<Result<_, BadInput>>()?;
-    let machine = Machine::load(&args.machine, &settings)?;
+    let machine = Machine::load(&args.machine, &Setting::all(&args.settings)?)?;
     let targets = args.targets.as_deref().map_or_else(|| Ok(Targets::shipped()), Targets::load)?;
     // Before the long run.
     let folder = args.out.as_deref().map(ResultDir::open).transpose().map_err(BadInput::from)?;

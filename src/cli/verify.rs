@@ -5,9 +5,10 @@ use std::path::PathBuf;
 
 use clap::Args;
 use lrbsim::BadInput;
-use lrbsim::published::{folders, publish, verify};
+use lrbsim::published::{abandon, folders, publish, verify};
 
 use super::Failure;
+use super::interrupt::on_interrupt;
 
 #[derive(Debug, Args)]
 pub(crate) struct VerifyArgs {
@@ -25,6 +26,7 @@ pub(crate) struct VerifyArgs {
 }
 
 pub(crate) fn run(args: &VerifyArgs, out: &mut impl Write) -> Result<bool, Failure> {
+    on_interrupt(abandon);
     if !args.command.is_empty() && !args.write {
         return Err(BadInput::new("a command is published with `--write` only").into());
     }

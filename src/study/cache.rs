@@ -28,9 +28,9 @@ pub struct Cache(PathBuf);
 pub struct Entry {
     /// Hash of everything that determines it.
     pub key: String,
-    /// Host seconds it took: what is known about the cost of others like it.
+    /// Host seconds that the point took: what is known about the cost of others like it.
     pub host_seconds: f64,
-    /// What was measured, without the sources of the machine's numbers.
+    /// What was measured at the point, without the sources of the machine's numbers.
     pub report: RunReport,
 }
 
@@ -46,8 +46,8 @@ pub struct Inputs<'a> {
     /// Hash of the machine's numbers.
     #[serde(rename = "machine")]
     pub machine_hash: &'a str,
-    /// What is drawn.
-    pub scene: &'a SceneName,
+    /// The scene that is drawn.
+    pub scene: &'a SceneId,
     /// Algorithm with its options.
     pub algorithm: &'a str,
     /// How much of the machine is modeled.
@@ -70,7 +70,7 @@ impl Entry {
     pub fn new(mut report: RunReport, host_seconds: f64) -> Entry {
         report.machine.sources.clear();
         let provenance = &report.provenance;
-        let scene = SceneName { name: report.scene.name.clone(), hash: provenance.scene_hash.clone() };
+        let scene = SceneId { name: report.scene.name.clone(), hash: provenance.scene_hash.clone() };
         let inputs = Inputs {
             machine_hash: &provenance.machine_hash,
             scene: &scene,
@@ -82,17 +82,17 @@ impl Entry {
     }
 }
 
-/// What names a scene.
+/// What a loaded scene is told from others by.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub struct SceneName {
+pub struct SceneId {
     name: String,
     hash: String,
 }
 
-impl SceneName {
-    /// The name of a scene that was loaded.
-    pub fn of(scene: &Scene) -> SceneName {
-        SceneName { name: scene.name.clone(), hash: scene_hash(scene) }
+impl SceneId {
+    /// The identity of a scene that was loaded.
+    pub fn of(scene: &Scene) -> SceneId {
+        SceneId { name: scene.name.clone(), hash: scene_hash(scene) }
     }
 }
 
@@ -106,7 +106,7 @@ impl Cache {
         Ok(Cache(folder.to_owned()))
     }
 
-    /// Where it is.
+    /// The folder of the cache.
     pub fn folder(&self) -> &Path {
         &self.0
     }

@@ -48,7 +48,7 @@ impl Study {
         if let Some((name, text)) = STUDIES.iter().find(|(known, _)| Path::new(known) == path) {
             return Study::from_text(&format!("{name}.json"), text, None, yes);
         }
-        if !looks_like_file(path, "json") {
+        if !looks_like_file(path) {
             return Err(unknown_name(path, "study", "FILE.json", &builtin_study_names()));
         }
         let text = json::text(path)?;

@@ -19,11 +19,11 @@ struct Cost {
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum State {
     Waiting,
-    /// Since this second.
+    /// The point has been running since this second.
     Running(f64),
-    /// In this many seconds.
+    /// The point took this many seconds.
     Done(f64),
-    /// Of unknown cost: failed, or not run.
+    /// The point has no known cost: it failed, or is not run.
     Gone,
 }
 

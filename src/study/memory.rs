@@ -5,22 +5,22 @@ use lrbsim_workloads::Scene;
 use crate::host::bytes_of;
 use crate::inputs::Machine;
 
-/// What of `/proc/meminfo` counts.
+/// The line of `/proc/meminfo` that says how much memory can be had.
 const AVAILABLE: &str = "MemAvailable:";
 
-/// Bytes of a point besides what follows.
+/// Bytes of a point before pixels, triangles, caches and threads are counted.
 const BASE_BYTES: u64 = 64 << 20;
 
-/// Bytes a pixel: eye view, receivers, their columns and the picture.
+/// Bytes that a point takes for each pixel: eye view, receivers, their columns and the picture.
 const PIXEL_BYTES: u64 = 400;
 
-/// Bytes a triangle: mesh, adjacency, hierarchy of the eye view, records of the bins.
+/// Bytes that a point takes for each triangle: mesh, adjacency, hierarchy of the eye view, records of the bins.
 const TRIANGLE_BYTES: u64 = 2500;
 
-/// Bytes a line of a cache: tag, state, and its directory entry.
+/// Bytes that a point takes for each line of its caches: tag, state, and directory entry.
 const LINE_BYTES: u64 = 40;
 
-/// Bytes a simulated hardware thread: its stream of uops.
+/// Bytes that a point takes for each simulated hardware thread: its stream of uops.
 const THREAD_BYTES: u64 = 1 << 20;
 
 /// Memory that a point takes, generously.

@@ -19,7 +19,7 @@ pub use cache::Cache;
 pub use file::{Study, builtin_study_names};
 pub use forecast::Forecast;
 pub use recipe::Recipe;
-pub use run::{Options, Progress, Status, StudyOutput, run_study};
+pub use run::{Options, Status, StudyOutput, StudyProgress, run_study};
 
 use lrbsim_reports::analysis::{Finding, findings, markdown};
 use lrbsim_reports::files::ResultDir;

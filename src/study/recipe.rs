@@ -5,8 +5,7 @@ use std::str::FromStr;
 
 use lrbsim_machine::Fidelity;
 use lrbsim_reports::study::Base;
-use lrbsim_workloads::Scene;
-use lrbsim_workloads::scene::builtin_scene;
+use lrbsim_workloads::{Scene, SceneName};
 use serde_json::Value;
 
 use crate::algorithm::Algorithm;
@@ -79,7 +78,7 @@ impl Recipe {
 
     /// Tries the scene, as far as can be without making its triangles.
     pub fn try_scene(&self) -> Result<(), BadInput> {
-        inputs::check_scene_settings(&self.scene_name(), &self.scene_settings).map_err(|(bad, _)| bad)
+        inputs::check_scene(&self.scene_name()?, &self.scene_settings).map_err(|(bad, _)| bad)
     }
 
     /// Sets what `path` names, and checks path and type.
@@ -95,7 +94,7 @@ impl Recipe {
             ("scene", "") => self.scene = text()?,
             ("scene", rest) => {
                 self.scene_settings.push(Setting { path: rest.to_owned(), value: value.clone(), said });
-                let known = inputs::check_scene_settings(&self.scene_name(), &self.scene_settings);
+                let known = inputs::check_scene(&self.scene_name().map_err(wrong)?, &self.scene_settings);
                 known.map_err(|(bad, found)| (bad, if found { Fault::Value } else { Fault::Path }))?;
             }
             ("machine", "") => {
@@ -188,7 +187,7 @@ impl Recipe {
 
     /// The scene.
     pub fn scene(&self) -> Result<Scene, BadInput> {
-        let scene = inputs::scene_with(self.scene_name(), &self.scene_settings)?;
+        let scene = inputs::scene_with(&self.scene_name()?, &self.scene_settings)?;
         match self.time {
             None => Ok(scene),
             Some(time) => inputs::at_time(&scene, time, &format!("`time` = {time}")),
@@ -198,7 +197,7 @@ impl Recipe {
     /// Names the scene with its settings: recipes of one name share a scene.
     pub fn scene_text(&self) -> String {
         let settings: Vec<&str> = self.scene_settings.iter().map(|setting| setting.said.as_str()).collect();
-        format!("{:?} {} {:?}", self.scene_name(), settings.join(" "), self.time)
+        format!("{:?} {} {:?}", self.scene, settings.join(" "), self.time)
     }
 
     /// The algorithm.
@@ -215,7 +214,7 @@ impl Recipe {
 
     /// The fidelity.
     pub fn fidelity(&self) -> Result<Fidelity, BadInput> {
-        Fidelity::from_str(&self.fidelity).map_err(|error| BadInput::new(error.to_string()))
+        Ok(Fidelity::from_str(&self.fidelity)?)
     }
 
     /// Frames before the measured one.
@@ -227,11 +226,10 @@ impl Recipe {
         self.beside(&self.machine)
     }
 
-    fn scene_name(&self) -> PathBuf {
-        if builtin_scene(&self.scene).is_some() {
-            PathBuf::from(&self.scene)
-        } else {
-            self.beside(&self.scene)
+    fn scene_name(&self) -> Result<SceneName, BadInput> {
+        match inputs::scene_name(&self.scene)? {
+            SceneName::Shipped(name) => Ok(SceneName::Shipped(name)),
+            SceneName::File(_) | SceneName::Model(_) => inputs::scene_name(self.beside(&self.scene)),
         }
     }
 

@@ -11,7 +11,7 @@ use lrbsim_machine::Fidelity;
 use lrbsim_reports::study::{STUDY_SCHEMA_VERSION, StudyPoint, StudyReport};
 use lrbsim_workloads::Scene;
 
-use super::cache::{Cache, Entry, Inputs, SceneName};
+use super::cache::{Cache, Entry, Inputs, SceneId};
 use super::file::Study;
 use super::forecast::Forecast;
 use super::memory;
@@ -43,13 +43,13 @@ pub struct Options {
 pub struct Status {
     /// Points of the study.
     pub points: usize,
-    /// Points that were found finished.
+    /// Points that were run by this call.
     pub found: usize,
     /// Points run now.
     pub computed: usize,
     /// Points that failed.
     pub failed: usize,
-    /// Points running.
+    /// Points that are running.
     pub running: usize,
     /// Part of the work that is done, in [0, 1].
     pub part_done: f64,
@@ -60,66 +60,73 @@ pub struct Status {
 }
 
 /// Hears how far a study is. Nothing it does can change a result.
-pub trait Progress: Sync {
+pub trait StudyProgress: Sync {
     /// The state of things, several times a second.
     fn status(&self, status: &Status);
 }
 
-impl Progress for Quiet {
+impl StudyProgress for Quiet {
     fn status(&self, _status: &Status) {}
 }
 
 /// What came out of a study.
 #[derive(Debug, Clone)]
 pub struct StudyOutput {
-    /// The results.
+    /// The results of all points.
     pub report: StudyReport,
-    /// How it went.
+    /// How the study went.
     pub status: Status,
 }
 
-/// One scene of a study.
+/// A scene of a study that was loaded once, by which everything that points ask of it is known.
 #[derive(Clone)]
-struct Stage {
-    name: SceneName,
+struct KnownScene {
+    id: SceneId,
+    /// Work of one frame, in units that are the same for all scenes.
     work: f64,
+    /// Bytes that a point with it takes.
     memory: u64,
-    scene: Option<Arc<Scene>>,
+    /// The scene itself; `None` past those that are kept.
+    kept: Option<Arc<Scene>>,
 }
 
 /// A point that can be run.
 struct Job {
     recipe: Recipe,
     machine: Machine,
-    stage: Stage,
+    scene: KnownScene,
     fidelity: Fidelity,
     key: String,
     memory: u64,
 }
 
 /// Runs a study: what is in the cache is taken from there, what is not is run and stored.
-pub fn run_study(study: &Study, options: &Options, progress: &dyn Progress) -> Result<StudyOutput, BadInput> {
+pub fn run_study(
+    study: &Study,
+    options: &Options,
+    progress: &dyn StudyProgress,
+) -> Result<StudyOutput, BadInput> {
     let watch = Stopwatch::start();
     let cache = Cache::open(&options.cache)?;
     let folder = study.path.as_deref().and_then(|path| path.parent()).unwrap_or("".as_ref()).to_owned();
     let base = Recipe::of_base(&study.file.base, &folder)?;
 
     // What each point is; one that cannot be is recorded with its error.
-    let mut stages = BTreeMap::new();
-    let plans: Vec<Result<Job, String>> = study
+    let mut scenes = BTreeMap::new();
+    let jobs: Vec<Result<Job, String>> = study
         .points
         .iter()
-        .map(|point| plan(study, &base, point, &mut stages).map_err(|bad| explained(&bad)))
+        .map(|point| job(study, &base, point, &mut scenes).map_err(|bad| explained(&bad)))
         .collect();
 
     // The same point twice is run once.
-    let mut jobs: BTreeMap<&str, usize> = BTreeMap::new();
-    for (index, plan) in plans.iter().enumerate() {
-        if let Ok(job) = plan {
-            jobs.entry(&job.key).or_insert(index);
+    let mut first: BTreeMap<&str, usize> = BTreeMap::new();
+    for (index, job) in jobs.iter().enumerate() {
+        if let Ok(job) = job {
+            first.entry(&job.key).or_insert(index);
         }
     }
-    let crew = Crew::new(&plans, &jobs, &cache, watch);
+    let crew = Crew::new(&jobs, &first, &cache, watch);
     std::thread::scope(|scope| {
         for _ in 0..options.jobs.max(1) {
             scope.spawn(|| crew.work());
@@ -132,15 +139,15 @@ pub fn run_study(study: &Study, options: &Options, progress: &dyn Progress) -> R
     if let Some(bad) = state.fatal {
         return Err(bad);
     }
-    let points = study.points.iter().zip(&plans).map(|(values, plan)| {
-        let outcome = plan.as_ref().map(|job| &state.outcomes[jobs[job.key.as_str()]]);
-        let (error, report) = match outcome {
+    let points = study.points.iter().zip(&jobs).map(|(values, job)| {
+        let finished = job.as_ref().map(|job| &state.finished[first[job.key.as_str()]]);
+        let (error, report) = match finished {
             Err(error) => (Some(error.clone()), None),
             Ok(Some(Ok(entry))) => (None, Some(entry.report.clone())),
             Ok(Some(Err(error))) => (Some(error.clone()), None),
             Ok(None) => (Some("it was not run".to_owned()), None),
         };
-        let key = plan.as_ref().map(|job| job.key.clone()).unwrap_or_default();
+        let key = job.as_ref().map(|job| job.key.clone()).unwrap_or_default();
         StudyPoint { values: values.clone(), key, error, report }
     });
     let report = StudyReport {
@@ -161,11 +168,12 @@ fn explained(bad: &BadInput) -> String {
     }
 }
 
-fn plan(
+/// What the point is that has these values.
+fn job(
     study: &Study,
     base: &Recipe,
     point: &Point,
-    stages: &mut BTreeMap<String, Stage>,
+    scenes: &mut BTreeMap<String, KnownScene>,
 ) -> Result<Job, BadInput> {
     let mut recipe = base.clone();
     for (axis, value) in study.file.axes.iter().zip(point) {
@@ -174,35 +182,35 @@ fn plan(
     let machine = recipe.machine()?;
     let fidelity = recipe.fidelity()?;
     let text = recipe.scene_text();
-    let stage = match stages.get(&text) {
-        Some(stage) => stage.clone(),
+    let scene = match scenes.get(&text) {
+        Some(scene) => scene.clone(),
         None => {
             let scene = Arc::new(recipe.scene()?);
             let pixels = f64::from(scene.image.width) * f64::from(scene.image.height);
-            let stage = Stage {
-                name: SceneName::of(&scene),
+            let scene = KnownScene {
+                id: SceneId::of(&scene),
                 work: pixels + 4.0 * scene.mesh.triangles.len() as f64,
                 memory: memory::estimate(&scene, &machine),
-                scene: (stages.len() < SCENES_KEPT).then_some(scene),
+                kept: (scenes.len() < SCENES_KEPT).then_some(scene),
             };
-            stages.insert(text, stage.clone());
-            stage
+            scenes.insert(text, scene.clone());
+            scene
         }
     };
     let key = Inputs {
         machine_hash: &machine_hash(&machine),
-        scene: &stage.name,
+        scene: &scene.id,
         algorithm: &recipe.algorithm()?.to_string(),
         fidelity: &fidelity.to_string(),
         warm_frames: recipe.warm_frames(),
     }
     .key();
     // The caches of another machine may be larger.
-    let memory = match &stage.scene {
+    let memory = match &scene.kept {
         Some(scene) => memory::estimate(scene, &machine),
-        None => stage.memory,
+        None => scene.memory,
     };
-    Ok(Job { recipe, machine, stage, fidelity, key, memory })
+    Ok(Job { recipe, machine, scene, fidelity, key, memory })
 }
 
 impl Job {
@@ -215,17 +223,17 @@ impl Job {
         };
         // More cores share more lines: measured, 64 of them cost 1.6 times the host time of one.
         let sharing = 1.0 + 0.1 * f64::from(self.machine.config.cores).log2();
-        self.stage.work * level * sharing * f64::from(1 + self.recipe.warm_frames())
+        self.scene.work * level * sharing * f64::from(1 + self.recipe.warm_frames())
     }
 
     /// Points of one kind have the same cost for the same work.
     fn kind(&self) -> String {
-        format!("{:?} {}", self.stage.name, self.fidelity)
+        format!("{:?} {}", self.scene.id, self.fidelity)
     }
 
     /// Runs the point.
     fn run(&self) -> Result<Entry, String> {
-        let scene = match &self.stage.scene {
+        let scene = match &self.scene.kept {
             Some(scene) => Scene::clone(scene),
             None => self.recipe.scene().map_err(|bad| explained(&bad))?,
         };
@@ -243,7 +251,8 @@ impl Job {
             .map_err(|bad| explained(&bad))?;
         let entry = Entry::new(output.report, output.host.seconds);
         if entry.key != self.key {
-            // The key says what was asked for and the entry what was run: a scene that is loaded again may be another one.
+            // The key says what was asked for and the entry what was run: a scene that is loaded again may be another
+            // one.
             return Err(format!(
                 "the files of scene `{}` changed while the study ran; run the study again",
                 entry.report.scene.name
@@ -261,7 +270,7 @@ fn said(panic: &(dyn std::any::Any + Send)) -> &str {
 
 /// The workers and what they share.
 struct Crew<'a> {
-    plans: &'a [Result<Job, String>],
+    jobs: &'a [Result<Job, String>],
     cache: &'a Cache,
     watch: Stopwatch,
     memory_budget: u64,
@@ -273,7 +282,7 @@ struct State {
     waiting: VecDeque<usize>,
     running: usize,
     memory: u64,
-    outcomes: Vec<Option<Result<Entry, String>>>,
+    finished: Vec<Option<Result<Entry, String>>>,
     forecast: Forecast,
     points: usize,
     found: usize,
@@ -309,12 +318,12 @@ impl State {
 
 impl<'a> Crew<'a> {
     fn new(
-        plans: &'a [Result<Job, String>],
-        jobs: &BTreeMap<&str, usize>,
+        jobs: &'a [Result<Job, String>],
+        first: &BTreeMap<&str, usize>,
         cache: &'a Cache,
         watch: Stopwatch,
     ) -> Crew<'a> {
-        let costs = plans.iter().map(|plan| match plan {
+        let costs = jobs.iter().map(|job| match job {
             Ok(job) => (job.work(), job.kind()),
             Err(_) => (0.0, String::new()),
         });
@@ -322,37 +331,37 @@ impl<'a> Crew<'a> {
             waiting: VecDeque::new(),
             running: 0,
             memory: 0,
-            outcomes: plans.iter().map(|_| None).collect(),
+            finished: jobs.iter().map(|_| None).collect(),
             forecast: Forecast::new(costs),
-            points: plans.len(),
+            points: jobs.len(),
             found: 0,
             computed: 0,
             failed: 0,
             fatal: None,
         };
-        for (index, plan) in plans.iter().enumerate() {
-            let Ok(job) = plan else {
+        for (index, job) in jobs.iter().enumerate() {
+            let Ok(job) = job else {
                 state.failed += 1;
                 state.forecast.gone(index);
                 continue;
             };
-            if jobs[job.key.as_str()] != index {
+            if first[job.key.as_str()] != index {
                 // It is another point's double.
                 state.found += 1;
                 state.forecast.gone(index);
             } else if let Some(entry) = cache.get(&job.key) {
                 state.found += 1;
                 state.forecast.done(index, entry.host_seconds);
-                state.outcomes[index] = Some(Ok(entry));
+                state.finished[index] = Some(Ok(entry));
             } else {
                 state.waiting.push_back(index);
             }
         }
         // The dearest first: the end is then not one worker's.
-        let work = |index: &usize| plans[*index].as_ref().map_or(0.0, Job::work);
+        let work = |index: &usize| jobs[*index].as_ref().map_or(0.0, Job::work);
         state.waiting.make_contiguous().sort_by(|a, b| work(b).total_cmp(&work(a)));
         Crew {
-            plans,
+            jobs,
             cache,
             watch,
             memory_budget: memory::budget(),
@@ -370,7 +379,7 @@ impl<'a> Crew<'a> {
     }
 
     /// Tells of the progress until all is done.
-    fn watch(&self, jobs: usize, progress: &dyn Progress) {
+    fn watch(&self, jobs: usize, progress: &dyn StudyProgress) {
         let mut state = self.state();
         while !state.over() {
             progress.status(&state.status(jobs, self.now()));
@@ -381,26 +390,26 @@ impl<'a> Crew<'a> {
     /// Runs points until there are none.
     fn work(&self) {
         while let Some((index, job)) = self.next() {
-            let outcome = self.compute(job);
+            let attempt = self.compute(job);
             let mut state = self.state();
             state.running -= 1;
             state.memory -= job.memory;
-            match outcome {
-                Ok(Outcome::Busy) => state.waiting.push_back(index),
-                Ok(Outcome::Found(entry)) => {
+            match attempt {
+                Ok(Attempt::Busy) => state.waiting.push_back(index),
+                Ok(Attempt::Found(entry)) => {
                     state.found += 1;
                     state.forecast.done(index, entry.host_seconds);
-                    state.outcomes[index] = Some(Ok(*entry));
+                    state.finished[index] = Some(Ok(*entry));
                 }
-                Ok(Outcome::Computed(entry)) => {
+                Ok(Attempt::Computed(entry)) => {
                     state.computed += 1;
                     state.forecast.done(index, entry.host_seconds);
-                    state.outcomes[index] = Some(Ok(*entry));
+                    state.finished[index] = Some(Ok(*entry));
                 }
-                Ok(Outcome::Failed(error)) => {
+                Ok(Attempt::Failed(error)) => {
                     state.failed += 1;
                     state.forecast.gone(index);
-                    state.outcomes[index] = Some(Err(error));
+                    state.finished[index] = Some(Err(error));
                 }
                 Err(bad) => state.fatal = Some(bad),
             }
@@ -415,7 +424,7 @@ impl<'a> Crew<'a> {
             if state.waiting.is_empty() || state.fatal.is_some() {
                 return None;
             }
-            let job = |index: usize| self.plans[index].as_ref().expect("only points that can be run wait");
+            let job = |index: usize| self.jobs[index].as_ref().expect("only points that can be run wait");
             let fits = |index: &usize| state.has_room(job(*index).memory, self.memory_budget);
             if let Some(place) = state.waiting.iter().position(fits) {
                 let index = state.waiting.remove(place).expect("it was found there");
@@ -429,31 +438,33 @@ impl<'a> Crew<'a> {
         }
     }
 
-    fn compute(&self, job: &Job) -> Result<Outcome, BadInput> {
+    fn compute(&self, job: &Job) -> Result<Attempt, BadInput> {
         let Some(claim) = self.cache.claim(&job.key)? else {
             std::thread::sleep(TICK);
-            return Ok(Outcome::Busy);
+            return Ok(Attempt::Busy);
         };
         if let Some(entry) = self.cache.get(&job.key) {
-            return Ok(Outcome::Found(Box::new(entry)));
+            return Ok(Attempt::Found(Box::new(entry)));
         }
         match job.run() {
             Ok(entry) => {
                 claim.finish(&entry)?;
-                Ok(Outcome::Computed(Box::new(entry)))
+                Ok(Attempt::Computed(Box::new(entry)))
             }
-            Err(error) => Ok(Outcome::Failed(error)),
+            Err(error) => Ok(Attempt::Failed(error)),
         }
     }
 }
 
-/// How it went with one point.
-enum Outcome {
-    /// Another process is at it.
+/// How it went when a worker took a point.
+enum Attempt {
+    /// Another process computes the point.
     Busy,
-    /// Another process was.
+    /// Another process has finished the point.
     Found(Box<Entry>),
+    /// The worker has computed the point.
     Computed(Box<Entry>),
+    /// The point cannot be computed, for this reason.
     Failed(String),
 }
 
@@ -467,7 +478,7 @@ mod tests {
             waiting: VecDeque::new(),
             running: 0,
             memory: 0,
-            outcomes: Vec::new(),
+            finished: Vec::new(),
             forecast: Forecast::new(std::iter::empty()),
             points: 0,
             found: 0,
@@ -492,9 +503,9 @@ mod tests {
         let study = Study::from_text("edit.json", text, Some(folder.path().join("edit.json")), false);
         let study = study.expect("a sound study");
         let base = Recipe::of_base(&study.file.base, folder.path()).expect("a sound base");
-        let mut job = plan(&study, &base, &study.points[0], &mut BTreeMap::new()).expect("a sound point");
+        let mut job = job(&study, &base, &study.points[0], &mut BTreeMap::new()).expect("a sound point");
         // As of a scene beyond those that are kept loaded.
-        job.stage.scene = None;
+        job.scene.kept = None;
         assert_eq!(job.run().expect("the model is as it was").key, job.key);
         write("f 1 2 3\nf 1 2 4\n");
         let refusal = job.run().expect_err("another model");

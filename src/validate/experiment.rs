@@ -14,16 +14,16 @@ use crate::inputs::Machine;
 pub struct Experiment {
     /// What the part and the conditions of the measurement change of the machine, as `PATH=VALUE`.
     pub settings: Vec<String>,
-    /// What is run.
+    /// The benchmark that is run.
     pub bench: Bench,
 }
 
 /// What came out of an experiment.
 #[derive(Debug, Clone)]
 pub struct Outcome {
-    /// Cycles by which the long pass took longer than the short one, see [`lrbsim_micro`]: of each the mean of the cores
-    /// that work in it. The programs run for seconds, so that every thread meets all banks of the memory; in a pass as
-    /// short as these the last thread is only the one that had bad luck.
+    /// Cycles by which the long pass took longer than the short one, see [`lrbsim_micro`]: of each the mean of the
+    /// cores that work in it. The programs run for seconds, so that every thread meets all banks of the memory; in a
+    /// pass as short as these the last thread is only the one that had bad luck.
     pub cycles: f64,
     /// Units of work in that time.
     pub units: f64,
@@ -33,7 +33,7 @@ pub struct Outcome {
     pub counts: Counts,
 }
 
-/// What the machine counted.
+/// What the machine counted in an experiment.
 #[derive(Debug, Clone, Copy)]
 pub struct Counts {
     /// Accesses of L1 data caches.
@@ -99,7 +99,7 @@ impl Experiment {
         }
     }
 
-    /// Runs it.
+    /// Runs the experiment.
     pub(super) fn run(&self, machine: &Machine, fidelity: Fidelity) -> Result<Outcome, BadInput> {
         let mut settings: Vec<Setting> =
             self.settings.iter().map(|text| text.parse()).collect::<Result<_, BadInput>>()?;

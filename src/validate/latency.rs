@@ -7,7 +7,7 @@ use super::id::{bytes, number, pattern};
 use super::suite::{Conditions, NotExpressed, Plan, UNKNOWN};
 use super::throughput;
 
-/// Without the hardware prefetcher.
+/// The setting that switches the hardware prefetcher off.
 pub(super) const PREFETCHER_OFF: &str = "prefetcher.streams=0";
 
 /// Owner cores of the published table of remote L2 latencies.
@@ -54,7 +54,7 @@ pub(super) fn memory(at: &Conditions<'_>, loads: u32) -> Experiment {
     at.under(&[PREFETCHER_OFF], Bench::Chase(fresh(64, loads.next_multiple_of(256))))
 }
 
-/// An L2 hit.
+/// The latency of a hit in the L2.
 pub(super) fn l2(at: &Conditions<'_>) -> Experiment {
     at.experiment(Bench::Chase(l2_hits()))
 }

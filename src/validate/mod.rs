@@ -53,9 +53,9 @@ pub fn write(validation: &Validation, machine: &Machine, out: ResultDir) -> Resu
 /// What is compared with what.
 #[derive(Debug, Clone)]
 pub struct ValidateRequest {
-    /// The machine.
+    /// The machine that is validated.
     pub machine: Machine,
-    /// The published figures.
+    /// The published figures that it is compared with.
     pub targets: Targets,
     /// Only rows whose id contains this.
     pub only: Option<String>,

@@ -12,7 +12,7 @@ type Formula = Box<dyn Fn(&[&Outcome]) -> f64 + Send + Sync>;
 
 /// How a row is measured.
 pub(super) struct Plan {
-    /// What is run.
+    /// The experiments that are run.
     pub(super) experiments: Vec<Experiment>,
     /// What comes out of it, in the row's unit.
     pub(super) value: Formula,
@@ -107,8 +107,8 @@ pub(super) fn plan(target: &Target, targets: &Targets, machine: &Machine) -> Res
 /// Of an id that is in no family.
 pub(super) const UNKNOWN: NotExpressed = NotExpressed("no benchmark has this id");
 
-/// A sibling part is the machine with another clock, other cores and another memory; a machine that is none of the parts
-/// runs the row as it is.
+/// A sibling part is the machine with another clock, other cores and another memory; a machine that is none of the
+/// parts runs the row as it is.
 fn conditions<'a>(target: &Target, targets: &Targets, machine: &'a Machine) -> Conditions<'a> {
     let own = machine.config.name.replace('-', "_");
     let mut cores = machine.config.cores;

@@ -15,33 +15,33 @@ pub struct Targets {
     pub parts: BTreeMap<String, Part>,
     /// Ids of figures that have to be met.
     pub must_pass: Vec<String>,
-    /// The figures.
+    /// The published figures.
     pub targets: Vec<Target>,
 }
 
 /// A part, as far as it differs from its siblings.
 #[derive(Debug, Clone, Deserialize)]
 pub struct Part {
-    /// Cores.
+    /// Cores of the part.
     pub cores: Option<u32>,
-    /// Core clock, GHz.
+    /// Core clock of the part, GHz.
     pub core_ghz: Option<f64>,
     /// Peak bandwidth of the memory, 10⁹ bytes a second.
     pub memory_gb_per_s: Option<f64>,
 }
 
-/// One figure.
+/// One published figure.
 #[derive(Debug, Clone, Deserialize)]
 pub struct Target {
     /// Stable name: family, variant, parameters.
     pub id: String,
-    /// Unit of the figures.
+    /// Unit of the figure and its range.
     pub unit: String,
-    /// What was published.
+    /// The figure that was published.
     pub value: f64,
-    /// Lowest acceptable.
+    /// Lowest figure that is acceptable.
     pub low: f64,
-    /// Highest acceptable.
+    /// Highest figure that is acceptable.
     pub high: f64,
     /// How far to trust it: `high`, `medium` or `low`.
     pub confidence: String,

@@ -17,14 +17,14 @@ const COMPILER: Prefetch = Prefetch::Both { l2_ahead: 48, l1_ahead: 4 };
 /// Bytes of the arrays in the measurements of memory bandwidth.
 const ARRAY_BYTES: u64 = 1 << 30;
 
-/// Lines that a core reads or writes while a bandwidth is measured: some hundred times what is in flight; and more when few
-/// cores work, so that they too meet many banks.
+/// Lines that a core reads or writes while a bandwidth is measured: some hundred times what is in flight; and more when
+/// few cores work, so that they too meet many banks.
 const LINES_PER_CORE_MIN: u32 = 8192;
 const LINES_PER_CORE_MAX: u32 = 65_536;
 const LINES: u32 = 524_288;
 
-/// Lines of each array that a thread works on while a loop is measured that stays in a cache, and laps: enough of both that
-/// threads get out of step and the end of a lap does not stand for all of it.
+/// Lines of each array that a thread works on while a loop is measured that stays in a cache, and laps: enough of both
+/// that threads get out of step and the end of a lap does not stand for all of it.
 const RESIDENT_LINES_MIN: u32 = 8192;
 const LAPS_MIN: u32 = 4;
 
@@ -115,8 +115,8 @@ fn resident(
     }))
 }
 
-/// Issue cycles a line of a loop that hits L1, if every slot were used: with each load a uop of its own, as here, and with
-/// one of them folded into the arithmetic, as on the chip.
+/// Issue cycles a line of a loop that hits L1, if every slot were used: with each load a uop of its own, as here, and
+/// with one of them folded into the arithmetic, as on the chip.
 ///
 /// ```text
 /// uops a line    loads, one of arithmetic, stores, less the folded one; and the loop's own, over the lines of a turn

@@ -30,9 +30,9 @@ fn y_axis() -> DVec3 {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ImageSize {
-    /// Columns.
+    /// Columns of the picture.
     pub width: u32,
-    /// Rows.
+    /// Rows of the picture.
     pub height: u32,
 }
 

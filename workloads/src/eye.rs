@@ -38,7 +38,7 @@ impl EyeView {
         Self::render_with(&Bvh::new(mesh), mesh, camera, width, height)
     }
 
-    /// As [`EyeView::render`], with a hierarchy built before.
+    /// Renders the view as [`EyeView::render`] does, with a hierarchy that was built before.
     #[must_use]
     pub fn render_with(bvh: &Bvh, mesh: &Mesh, camera: &Camera, width: u32, height: u32) -> Self {
         let size = ImageSize { width, height };

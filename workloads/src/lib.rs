@@ -39,7 +39,8 @@ pub use light::Light;
 pub use mesh::{Bounds, Mesh, ObjectRange};
 pub use preview::Preview;
 pub use scene::{
-    MeshSource, Motion, Scene, SceneError, SceneFile, SceneWarning, builtin_names, builtin_scene, load_scene,
+    MeshSource, Motion, Scene, SceneError, SceneFile, SceneName, SceneWarning, builtin_names, builtin_scene,
+    load_scene,
 };
 pub use shadow_input::ShadowInput;
 

@@ -23,29 +23,29 @@ pub enum Light {
         /// Middle of the light.
         #[schemars(with = "[f64; 3]")]
         center: DVec3,
-        /// Across the disc, any length but 0.
+        /// Direction across the disc, any length but 0.
         #[schemars(with = "[f64; 3]")]
         normal: DVec3,
-        /// 0 or more.
+        /// Radius of the disc, 0 or more.
         radius: f64,
     },
-    /// The parallelogram `center + s half_u + t half_v`, s and t in [-1, 1]. No kernel draws it yet: scenes with one are
-    /// refused, and only the reference rays sample it.
+    /// The parallelogram `center + s half_u + t half_v`, s and t in [-1, 1]. No kernel draws it yet: scenes with one
+    /// are refused, and only the reference rays sample it.
     Rect {
         /// Middle of the light.
         #[schemars(with = "[f64; 3]")]
         center: DVec3,
-        /// Half of one side.
+        /// Half of one side of the parallelogram.
         #[schemars(with = "[f64; 3]")]
         half_u: DVec3,
-        /// Half of the other side.
+        /// Half of the other side of the parallelogram.
         #[schemars(with = "[f64; 3]")]
         half_v: DVec3,
     },
     /// The straight line from `p0` to `p1`. No kernel draws it yet: scenes with one are refused, and only the reference
     /// rays sample it.
     Linear {
-        /// One end.
+        /// One end of the line.
         #[schemars(with = "[f64; 3]")]
         p0: DVec3,
         /// The other end.
@@ -54,7 +54,7 @@ pub enum Light {
     },
     /// A point: hard shadows.
     Point {
-        /// Where it is.
+        /// Place of the light.
         #[schemars(with = "[f64; 3]")]
         center: DVec3,
     },
@@ -99,8 +99,9 @@ impl Light {
         }
     }
 
-    /// How near a triangle comes to the middle of the light where it could cut it, world units: anywhere for a sphere, whose disc
-    /// turns, and in its own plane for a disc, infinite if it does not meet that. Nearer than [`Light::disc_radius`], it cuts it.
+    /// How near a triangle comes to the middle of the light where it could cut it, world units: anywhere for a sphere,
+    /// whose disc turns, and in its own plane for a disc, infinite if it does not meet that. Nearer than
+    /// [`Light::disc_radius`], it cuts it.
     ///
     /// # Panics
     /// As [`Light::disc_radius`].
@@ -126,7 +127,8 @@ impl Light {
     }
 }
 
-/// Where a triangle crosses the plane through `center` across `normal`: a line from end to end; `None` where it does not.
+/// Where a triangle crosses the plane through `center` across `normal`: a line from end to end; `None` where it does
+/// not.
 fn cut_by_plane(corners: [DVec3; 3], center: DVec3, normal: DVec3) -> Option<[DVec3; 2]> {
     let heights = corners.map(|corner| (corner - center).dot(normal));
     let crosses = heights.iter().any(|height| *height > 0.0) && heights.iter().any(|height| *height < 0.0);

@@ -63,9 +63,9 @@ pub struct Mesh {
 /// An axis-aligned box; empty when `min > max`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bounds {
-    /// Least corner.
+    /// Corner with the least coordinates.
     pub min: DVec3,
-    /// Greatest corner.
+    /// Corner with the greatest coordinates.
     pub max: DVec3,
 }
 
@@ -73,7 +73,7 @@ impl Bounds {
     /// The box that holds nothing.
     pub const EMPTY: Self = Self { min: DVec3::INFINITY, max: DVec3::NEG_INFINITY };
 
-    /// Grows to hold `point`.
+    /// Grows the box to hold `point`.
     pub fn add(&mut self, point: DVec3) {
         self.min = self.min.min(point);
         self.max = self.max.max(point);
@@ -85,7 +85,7 @@ impl Bounds {
         Self { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
 
-    /// Edge lengths.
+    /// Edge lengths of the box.
     #[must_use]
     pub fn size(&self) -> DVec3 {
         self.max - self.min
@@ -111,8 +111,8 @@ pub(crate) fn length(v: DVec3) -> f64 {
     if scale == 0.0 || !scale.is_finite() { scale } else { scale * (v / scale).length() }
 }
 
-/// Direction of a triangle's normal, of any length; zero if it has no area in f64. Its edges are scaled, so that areas of
-/// 1e-60 do not count as none and those of 1e60 do not overflow.
+/// Direction of a triangle's normal, of any length; zero if it has no area in f64. Its edges are scaled, so that areas
+/// of 1e-60 do not count as none and those of 1e60 do not overflow.
 pub(crate) fn normal_direction([a, b, c]: [DVec3; 3]) -> DVec3 {
     let (e, f) = (b - a, c - a);
     let scale = e.abs().max_element().max(f.abs().max_element());

@@ -14,13 +14,13 @@ const RAYS: u32 = 24;
 /// What a scene looks like, roughly.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Preview {
-    /// Columns.
+    /// Columns of the preview.
     pub width: u32,
-    /// Rows.
+    /// Rows of the preview.
     pub height: u32,
     /// Brightness in [0, 1], row-major; `None` where there is nothing.
     pub pixels: Vec<Option<f64>>,
-    /// Receivers.
+    /// How many receivers the preview has.
     pub receivers: usize,
     /// Receivers that see a part of the light. An estimate, a little low.
     pub penumbra: usize,

@@ -63,15 +63,9 @@ impl ShadowInput {
         let stance = stances(mesh, adjacency, origin);
         let triangles = (0..mesh.triangles.len())
             .map(|t| {
-                let [a, b, c] = mesh.triangles[t];
-                if adjacency.stands_for[t] as usize != t || is_degenerate(mesh, t) {
-                    return [a; 3];
-                }
-                match stance[t] {
-                    Stance::AsItRuns => [a, b, c],
-                    Stance::TurnedOver => [a, c, b],
-                    Stance::LeftOut => [a; 3],
-                }
+                let counts = adjacency.stands_for[t] as usize == t && !is_degenerate(mesh, t);
+                let stance = if counts { stance[t] } else { Stance::LeftOut };
+                stance.corners(mesh.triangles[t])
             })
             .collect();
         let turn = |&face: &u32| stance[(face >> 1) as usize].side(face);

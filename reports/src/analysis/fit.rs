@@ -3,9 +3,9 @@
 /// A straight line by least squares.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Line {
-    /// Where it crosses the axis.
+    /// Value of y where the line crosses x = 0.
     pub intercept: f64,
-    /// Its slope.
+    /// Slope of the line.
     pub slope: f64,
     /// Half of the 95 % confidence interval of the slope; `None` with two points, which leave no room for doubt.
     pub slope_half_interval: Option<f64>,

@@ -20,15 +20,15 @@ use crate::study::{Analysis, AnalysisKind, StudyReport};
 /// What one analysis found.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Finding {
-    /// Stem of its files.
+    /// Stem of the names of the finding's files.
     pub name: String,
-    /// What it shows.
+    /// What the finding shows, as a heading.
     pub title: String,
-    /// What to know when reading it.
+    /// What to know when reading the finding, a line each.
     pub notes: Vec<String>,
-    /// The numbers.
+    /// The numbers of the finding as a table.
     pub sheet: Sheet,
-    /// The picture of them.
+    /// The numbers of the finding as a plot, where there is one.
     pub plot: Option<Plot>,
 }
 
@@ -138,8 +138,8 @@ impl Data {
         if groups == 1 { self.with_phases(y) } else { vec![y.to_owned()] }
     }
 
-    /// The rows in groups that differ in nothing but the axis `x`, with a name for each group; all in one where `x` is no
-    /// axis but something that was measured.
+    /// The rows in groups that differ in nothing but the axis `x`, with a name for each group; all in one where `x` is
+    /// no axis but something that was measured.
     fn groups(&self, x: &str) -> Vec<(String, Vec<&Row>)> {
         let measured = !self.axes.iter().any(|axis| axis == x);
         let others: Vec<usize> =

@@ -32,10 +32,11 @@ pub(super) fn table(study: &StudyReport, data: &Data, analysis: &Analysis) -> Fi
         }
         rows.push(row);
     }
-    let notes = match study.points.iter().filter(|point| point.error.is_some()).count() {
+    let mut notes = match study.points.iter().filter(|point| point.error.is_some()).count() {
         0 => Vec::new(),
         n => vec![format!("{n} of {} points have no result; the last column says why.", study.points.len())],
     };
+    notes.extend(study.warnings());
     let sheet = Sheet { columns, rows };
     Finding {
         name: "table".to_owned(),

@@ -1,7 +1,7 @@
 //! `report.html`: one page for a run, a study or a moving scene that needs nothing else, not even a network.
 //!
-//! The page holds the JSON it was made of, and draws itself from it: whatever it shows stands there, or is a ratio of two
-//! numbers that do.
+//! The page holds the JSON it was made of, and draws itself from it: whatever it shows stands there, or is a ratio of
+//! two numbers that do.
 
 use lrbsim_machine::{MachineConfig, builtin_machine};
 use serde::Serialize;
@@ -23,9 +23,9 @@ const PAGE: &str = include_str!("page.js");
 /// A picture for a page.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Picture {
-    /// What it shows.
+    /// What the picture shows, as its caption.
     pub title: String,
-    /// The picture itself.
+    /// The picture itself as a data URL.
     url: String,
 }
 

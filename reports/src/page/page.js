@@ -71,11 +71,22 @@ function figures(entries) {
   return element("div", { class: "figures" }, ...entries.filter((entry) => entry[1] !== null).map(box));
 }
 
+// Milliseconds, and how far they may be off where they were extrapolated.
+const time = (part) => (part.ms_interval ? cell(part.ms, `${short(part.ms)} \u00b1 ${short((part.ms_interval[1] - part.ms_interval[0]) / 2)}`) : part.ms);
+
+// The cause to which most of the core-cycles without an instruction were lost, and how many of all they were.
+function waitsFor(stack) {
+  if (!stack) return null;
+  const all = CAUSES.reduce((sum, cause) => sum + stack[cause], 0);
+  const worst = CAUSES.filter((cause) => cause !== "issue").reduce((a, b) => (stack[b] > stack[a] ? b : a));
+  return `${label(worst)} ${percent(ratio(stack[worst], all), 0)}`;
+}
+
 function phaseTable(report) {
   const timed = report.total.cycles !== null;
   const columns = ["phase", "ms", "share", "instructions", "IPC", "lanes active", "L1 hits", "L2 hits", "memory, MB"];
   const rows = report.phases.map((phase) => [
-    phase.title + (phase.in_paper_total ? "" : " *"), phase.ms, asPercent(phase.share), phase.instructions.total, cell(phase.ipc, phase.ipc === null ? "" : phase.ipc.toFixed(3)),
+    phase.title + (phase.in_paper_total ? "" : " *"), time(phase), asPercent(phase.share), phase.instructions.total, cell(phase.ipc, phase.ipc === null ? "" : phase.ipc.toFixed(3)),
     asPercent(ratio(phase.lanes.active, phase.lanes.active + phase.lanes.masked)),
     asPercent(phase.l1d && ratio(phase.l1d.hits, phase.l1d.accesses)), asPercent(phase.l2 && ratio(phase.l2.hits, phase.l2.accesses)),
     phase.memory && cell(phase.memory.bytes, (phase.memory.bytes / 1e6).toFixed(2)),
@@ -83,9 +94,12 @@ function phaseTable(report) {
   const sum = (pick) => report.phases.reduce((all, phase) => all + (pick(phase) || 0), 0);
   const instructions = (all) => report.phases.filter((phase) => all || phase.in_paper_total).reduce((sum, phase) => sum + phase.instructions.total, 0);
   const bytes = timed ? (sum((phase) => phase.memory && phase.memory.bytes) / 1e6).toFixed(2) : null;
-  const totals = [["total", report.total.ms, "", instructions(true), "", "", "", "", bytes]];
+  const totals = [["total", time(report.total), "", instructions(true), "", "", "", "", bytes]];
   if (timed) totals.push(["paper's total", report.total.paper_ms, "", instructions(false), "", "", "", "", ""]);
-  return section("Phases", table(columns, rows, totals), note("* not in the totals of Johnson et al. 2009. Click a heading to sort. IPC: instructions per cycle and core."));
+  const steps = report.phases.flatMap((phase) => phase.by_step.map((step) => [phase.title, step.name, step.ms, asPercent(ratio(step.cycles, report.total.cycles)), step.tasks, step.instructions, waitsFor(step.cycle_stack)]));
+  return section("Phases", table(columns, rows, totals),
+    element("details", {}, element("summary", {}, `the ${steps.length} steps of the phases`), table(["phase", "step", "ms", "share", "tasks", "instructions", "waits for"], steps)),
+    note("* not in the totals of Johnson et al. 2009. Click a heading to sort. IPC: instructions per cycle and core."));
 }
 
 function stackSection(report) {

@@ -16,22 +16,22 @@ const BARS_MAX: usize = 18;
 /// Horizontal bars from 0.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bars {
-    /// What is shown.
+    /// What the plot shows.
     pub title: String,
     /// What the bars measure, and its unit.
     pub label: String,
-    /// From top to bottom.
+    /// The bars, from top to bottom.
     pub bars: Vec<Bar>,
 }
 
-/// One row: from the least to the greatest change.
+/// One bar: from the least to the greatest change that one thing makes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bar {
-    /// What was changed.
+    /// The thing that was changed.
     pub name: String,
-    /// One end.
+    /// Value at one end of the bar.
     pub from: f64,
-    /// The other.
+    /// Value at the other end of the bar.
     pub to: f64,
 }
 

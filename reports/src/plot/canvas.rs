@@ -27,7 +27,7 @@ const PALETTE: [RGBColor; 8] = [
 
 /// Lines that help the eye.
 pub const GRID: RGBColor = RGBColor(221, 221, 221);
-/// Axes and words.
+/// Color of axes and words.
 pub const INK: RGBColor = RGBColor(34, 34, 34);
 
 /// The color of the `index`-th series.

@@ -14,20 +14,20 @@ const NAME_MAX: usize = 27;
 /// Lines and points over two axes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Lines {
-    /// What is shown.
+    /// What the plot shows.
     pub title: String,
-    /// To the right.
+    /// The axis that runs to the right.
     pub x: Axis,
-    /// Upwards.
+    /// The axis that runs upwards.
     pub y: Axis,
-    /// What is drawn, in the order of their colors.
+    /// The lines and clouds of points, in the order of their colors.
     pub series: Vec<Series>,
 }
 
-/// An axis.
+/// An axis of a plot.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Axis {
-    /// What, and its unit.
+    /// What the axis measures, and its unit.
     pub label: String,
     /// Logarithmic, if all values allow it.
     pub log: bool,
@@ -36,11 +36,11 @@ pub struct Axis {
 /// One line or cloud of points.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Series {
-    /// As the legend has it.
+    /// Name of the series, as the legend has it.
     pub name: String,
-    /// How it is drawn.
+    /// How the series is drawn.
     pub look: Look,
-    /// x and y.
+    /// Points of the series, x and y of each.
     pub points: Vec<(f64, f64)>,
 }
 
@@ -51,7 +51,7 @@ pub enum Look {
     Line,
     /// A dashed line without points: a reference.
     Dashed,
-    /// Points alone.
+    /// The series is drawn as points alone.
     Dots,
 }
 

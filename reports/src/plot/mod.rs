@@ -47,7 +47,7 @@ impl Plot {
         )
     }
 
-    /// The same for a page that brings a font of its own.
+    /// The plot as an SVG image for a page that brings the font of its words.
     pub fn svg_without_font(&self) -> String {
         let mut text = String::new();
         self.draw(SVGBackend::with_string(&mut text, SIZE).into_drawing_area(), 1.0);

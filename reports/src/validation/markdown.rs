@@ -8,8 +8,8 @@ use std::fmt::Write;
 const FITTED: &str = "derived: fitted to ";
 
 impl Validation {
-    /// The page: summary, plots, fitted parameters, rows that miss, rows that are not expressed, all rows. `sources` are those
-    /// of the machine.
+    /// The page: summary, plots, fitted parameters, rows that miss, rows that are not expressed, all rows. `sources`
+    /// are those of the machine.
     pub fn markdown(&self, sources: &BTreeMap<String, String>) -> String {
         let mut text = format!(
             "# Validation\n\nMicrobenchmarks on `{}` at fidelity `{}` against published measurements. Written by \

@@ -19,13 +19,13 @@ pub struct Row {
     pub id: String,
     /// Unit of all figures of the row.
     pub unit: String,
-    /// What was published.
+    /// The figure that was published.
     pub published: f64,
-    /// Lowest acceptable.
+    /// Lowest figure that is acceptable.
     pub low: f64,
-    /// Highest acceptable.
+    /// Highest figure that is acceptable.
     pub high: f64,
-    /// What the machine gives; `null` when the row cannot be expressed.
+    /// The figure that the machine gives; `null` when the row cannot be expressed.
     pub simulated: Option<f64>,
     /// `simulated` over `published`, less one, in percent.
     pub error_percent: Option<f64>,
@@ -48,9 +48,9 @@ pub struct Validation {
     pub machine: String,
     /// How much of it was modeled.
     pub fidelity: String,
-    /// All rows together.
+    /// What the rows come to together.
     pub summary: Summary,
-    /// In the order of the targets file.
+    /// The rows in the order of the targets file.
     pub rows: Vec<Row>,
 }
 
@@ -59,28 +59,28 @@ pub struct Validation {
 pub struct Errors {
     /// Rows in the set.
     pub rows: u32,
-    /// Of those, the ones that are expressed.
+    /// Rows of the set that can be expressed.
     pub expressed: u32,
-    /// Of the expressed, the ones in their range.
+    /// Expressed rows of the set that lie in their range.
     pub inside: u32,
-    /// Mean of the absolute errors of the expressed, percent.
+    /// Mean of the absolute errors of the expressed rows, percent.
     pub mean_error_percent: f64,
-    /// Greatest absolute error of the expressed, percent.
+    /// Greatest absolute error of the expressed rows, percent.
     pub worst_error_percent: f64,
 }
 
 /// Errors of the rows, by trust and by use.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Summary {
-    /// All rows.
+    /// Errors of all rows.
     pub all: Errors,
-    /// Rows of high confidence.
+    /// Errors of the rows of high confidence.
     pub high: Errors,
-    /// Of those of high confidence, the ones that parameters may be chosen by.
+    /// Errors of the rows of high confidence that parameters may be chosen by.
     pub high_fitted: Errors,
-    /// Of those of high confidence, the ones that none may be chosen by.
+    /// Errors of the rows of high confidence that no parameter may be chosen by.
     pub high_held_out: Errors,
-    /// Rows that have to be met.
+    /// Errors of the rows that have to be met.
     pub must_pass: Errors,
 }
 
@@ -90,7 +90,7 @@ pub struct Summary {
 pub struct ModelError {
     /// The machine that was validated; times of others rest on the same model with other parameters.
     pub machine: String,
-    /// At which fidelity.
+    /// The fidelity at which the machine was validated.
     pub fidelity: String,
     /// Published figures of high confidence that were compared.
     pub rows: u32,
@@ -98,7 +98,7 @@ pub struct ModelError {
     pub inside: u32,
     /// Mean of their absolute errors, percent.
     pub mean_error_percent: f64,
-    /// Greatest of them, percent.
+    /// Greatest of the absolute errors of these figures, percent.
     pub worst_error_percent: f64,
     /// Mean over the rows by which no parameter was chosen, percent.
     pub held_out_mean_error_percent: f64,
@@ -136,7 +136,7 @@ impl Validation {
         Validation { machine, fidelity, summary, rows }
     }
 
-    /// What reports carry.
+    /// The summary that every report carries.
     pub fn model_error(&self) -> ModelError {
         let tenth = |percent: f64| (percent * 10.0).round() / 10.0;
         let high = &self.summary.high;

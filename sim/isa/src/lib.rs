@@ -35,7 +35,7 @@ pub mod vpu;
 
 pub use arena::{Addr, Arena, ArenaError, Line};
 pub use emit::OpCounts;
-pub use functional::run_functional;
+pub use functional::{run_functional, skip_all};
 pub use host::HostSimd;
 pub use kernel::{AnyKernel, Kernel};
 pub use program::{Ordering, Phase, Runner, Step, StepSource, Stopped, TaskSource};

@@ -132,20 +132,26 @@ impl<'a> Runner<'a> {
     }
 }
 
-/// Where a machine gets the streams of a step.
+/// The tasks of a step, as what times them sees them: it has each of them run once, recorded or not.
 pub trait TaskSource: Sync {
+    /// Name of the step, for messages and timelines.
+    fn name(&self) -> &str;
+
     /// Number of tasks of the step.
     fn tasks(&self) -> u32;
 
-    /// Whether tasks must be recorded one after the other, in index order, because values returned by their atomics are
-    /// used.
+    /// Whether tasks must be run one after the other, in index order, because values returned by their atomics are used.
     fn is_ordered(&self) -> bool;
 
     /// Runs task `task` functionally and leaves its stream in `stream`, whose old content is dropped.
     ///
-    /// Asked once for every task: in index order when [`TaskSource::is_ordered`], else in any order and from several host
-    /// threads at once.
+    /// Of a step that [`TaskSource::is_ordered`] tasks are asked for in index order; of any other in any order and from
+    /// several host threads at once.
     fn record(&self, task: u32, stream: &mut Stream);
+
+    /// Runs `tasks` functionally, records nothing, and adds their operations to `counts`; asked for like
+    /// [`TaskSource::record`].
+    fn skip(&self, tasks: Range<u32>, counts: &mut OpCounts);
 }
 
 /// A step and the arena that its tasks run on, which nothing else reaches meanwhile: tasks are counted or recorded, each on
@@ -181,17 +187,10 @@ impl<'a> StepSource<'a> {
         StepSource { step, arena, simd, shared, turn: Mutex::new(()), asked }
     }
 
-    /// Runs `tasks` without recording them and adds their operations to `counts`.
+    /// Notes that `task` is run.
     ///
     /// # Panics
-    /// Where the step has no such task, or one of them has been run before.
-    pub fn count(&self, tasks: Range<u32>, counts: &mut OpCounts) {
-        tasks.clone().for_each(|task| self.ask(task));
-        let _turn = self.turn();
-        self.step.kernel.run(self.simd, self.arena, tasks, self.shared, counts);
-    }
-
-    /// Notes that `task` is run.
+    /// Where the step has no such task, or it has been run before.
     fn ask(&self, task: u32) {
         let again = self.asked[task as usize].swap(true, Relaxed);
         assert!(!again, "task {task} of step `{}` is run twice", self.step.name);
@@ -210,6 +209,10 @@ impl Drop for StepSource<'_> {
 }
 
 impl TaskSource for StepSource<'_> {
+    fn name(&self) -> &str {
+        self.step.name
+    }
+
     fn tasks(&self) -> u32 {
         self.step.tasks
     }
@@ -223,5 +226,11 @@ impl TaskSource for StepSource<'_> {
         let _turn = self.turn();
         stream.clear();
         self.step.kernel.record_shared(self.simd, self.arena, task, self.shared, stream);
+    }
+
+    fn skip(&self, tasks: Range<u32>, counts: &mut OpCounts) {
+        tasks.clone().for_each(|task| self.ask(task));
+        let _turn = self.turn();
+        self.step.kernel.run(self.simd, self.arena, tasks, self.shared, counts);
     }
 }

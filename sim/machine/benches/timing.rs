@@ -7,7 +7,7 @@
 mod streams;
 
 use lrbsim_isa::stream::Stream;
-use lrbsim_machine::{Chip, Fidelity, MachineConfig, StepReport, builtin_machine};
+use lrbsim_machine::{Fidelity, MachineConfig, StepReport, builtin_machine};
 use streams::{Mix, Tasks};
 
 const TASKS: u32 = 1500;
@@ -28,13 +28,13 @@ fn main() {
             continue;
         }
         let streams: Vec<Stream> = (0..TASKS).map(|task| mix.stream(task, 4000)).collect();
-        for fidelity in [Fidelity::Functional, Fidelity::Windowed, Fidelity::Cycle] {
-            let mut chip = Chip::new(&spec, fidelity, 1);
+        for fidelity in Fidelity::ALL {
+            let mut timing = fidelity.timing(&spec, 1);
             let mut sum = StepReport::default();
             let start = std::time::Instant::now();
             for _ in 0..STEPS {
                 let tasks = Tasks { count: TASKS, make: |task| streams[task as usize].clone() };
-                sum += chip.run_step(&tasks).expect("moves");
+                sum += timing.run_step(&tasks).expect("moves");
             }
             let seconds = start.elapsed().as_secs_f64();
             println!(

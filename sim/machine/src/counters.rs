@@ -1,5 +1,6 @@
 //! What a step leaves to report: integers only, which add up; ratios are derived when they are shown.
 
+use lrbsim_isa::OpCounts;
 use lrbsim_isa::uop::Class;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -206,7 +207,7 @@ counters! {
         misses,
         /// Accesses that found the line on its way and waited for the same fill.
         merged,
-        /// Of the misses: the line was there, but only to read.
+        /// Misses of lines that were there, but only to read.
         upgrades,
         /// Modified lines given to the level below.
         writebacks,
@@ -238,7 +239,7 @@ counters! {
     DirectoryCounters {
         /// Transactions served.
         transactions,
-        /// Of those, the ones that got the line from another core.
+        /// Transactions that got the line from another core.
         forwards,
         /// Invalidations sent.
         invalidations,
@@ -258,7 +259,7 @@ counters! {
         bytes,
         /// Accesses that found their row open.
         row_hits,
-        /// Accesses that had to open it.
+        /// Accesses that had to open their row.
         row_misses,
         /// Cycles that accesses waited for banks and channels.
         wait_cycles,
@@ -270,7 +271,7 @@ counters! {
     AtomicCounters {
         /// Line accesses by locked operations of tasks.
         operations,
-        /// Of those, the ones that had to fetch the line or its ownership.
+        /// Line accesses by locked operations that had to fetch the line or its ownership.
         transfers,
         /// Locked adds on the task counter.
         task_pulls,
@@ -287,6 +288,8 @@ pub struct StepReport {
     pub steps: u64,
     /// Simulated core cycles, barrier included.
     pub cycles: u64,
+    /// Variance of `cycles`, where they were extrapolated from a sample; 0 where every task was timed.
+    pub cycles_variance: u64,
     /// Tasks run.
     pub tasks: u64,
     /// Uops by class, indexed by class byte.
@@ -325,6 +328,7 @@ impl Default for StepReport {
         StepReport {
             steps: 0,
             cycles: 0,
+            cycles_variance: 0,
             tasks: 0,
             class_counts: [0; Class::COUNT],
             issued: 0,
@@ -343,10 +347,25 @@ impl Default for StepReport {
     }
 }
 
+impl StepReport {
+    /// What `tasks` tasks did that were run without being timed.
+    pub fn of_counts(tasks: u32, counts: &OpCounts) -> StepReport {
+        StepReport {
+            tasks: u64::from(tasks),
+            issued: counts.total(),
+            lanes_active: counts.lanes_active(),
+            lanes_masked: counts.lanes_masked,
+            class_counts: counts.class_counts,
+            ..StepReport::default()
+        }
+    }
+}
+
 impl AddAssign<&StepReport> for StepReport {
     fn add_assign(&mut self, other: &StepReport) {
         self.steps += other.steps;
         self.cycles += other.cycles;
+        self.cycles_variance += other.cycles_variance;
         self.tasks += other.tasks;
         for (sum, count) in self.class_counts.iter_mut().zip(other.class_counts) {
             *sum += count;

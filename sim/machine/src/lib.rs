@@ -22,10 +22,12 @@ mod division;
 mod exchange;
 pub mod fidelity;
 mod memory;
+pub mod observer;
 mod occupancy;
 mod pages;
 mod ring;
 mod scheduler;
+pub mod timing;
 mod when;
 
 #[cfg(test)]
@@ -36,7 +38,9 @@ mod streams;
 pub use chip::{Chip, CoreActivity, Stuck};
 pub use config::{ConfigError, MachineConfig, MachineSpec, builtin_machine, builtin_machine_names};
 pub use counters::{Cause, CycleStack, PhaseCounters, StepReport};
-pub use fidelity::{Fidelity, FidelityError};
+pub use fidelity::Fidelity;
+pub use observer::Observer;
+pub use timing::Timing;
 
 /// A time or a number of core cycles.
 pub type Cycle = u64;

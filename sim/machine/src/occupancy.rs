@@ -154,7 +154,7 @@ impl<const PAGES: usize> Ticks<PAGES> {
         free
     }
 
-    /// The same for any ticks.
+    /// Takes `count` ticks of `row` from `first` on, wherever they lie; false, and nothing taken, where one is taken already.
     #[inline(never)]
     fn take_runs(&mut self, row: u32, first: u64, count: u32, floor: u64) -> bool {
         let free = self.last_taken(row, first, count).is_none();

@@ -29,13 +29,13 @@ impl When {
         When(self.0 + 16)
     }
 
-    /// Of a bare time.
+    /// A bare time, later by `span`.
     #[inline(always)]
     pub(crate) const fn plus(self, span: Span) -> When {
         When(self.0 + span.0)
     }
 
-    /// The same cause, at `at` if that is later.
+    /// The time `at` if that is later, with the cause that this has.
     #[inline(always)]
     pub(crate) fn not_before(self, at: Cycle) -> When {
         When(self.0.max(at << 4 | self.0 & 15))

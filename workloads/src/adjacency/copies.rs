@@ -42,8 +42,8 @@ fn split_once(mesh: &mut Mesh) -> bool {
     rewritten.contains(&true)
 }
 
-/// The two faces that the triangles `seeds` on one side of `edge` belong to, if they cover the same ground: each grows over
-/// its inner edges, which the other does not have, until both have the same rim.
+/// The two faces that the triangles `seeds` on one side of `edge` belong to, if they cover the same ground: each grows
+/// over its inner edges, which the other does not have, until both have the same rim.
 fn same_ground(mesh: &Mesh, rows: &EdgeRows, edge: [u32; 2], seeds: [u32; 2]) -> Option<[Vec<u32>; 2]> {
     let plane = Plane::of(mesh, seeds[0]);
     if !plane.holds(mesh, seeds[1]) || plane.side(mesh, edge, seeds[0]) != plane.side(mesh, edge, seeds[1]) {
@@ -69,8 +69,8 @@ fn same_ground(mesh: &Mesh, rows: &EdgeRows, edge: [u32; 2], seeds: [u32; 2]) ->
         if faces[0].len() + faces[1].len() == 2 * FACE_TRIANGLES_MAX {
             return None;
         }
-        // Over an inner edge a face goes on in one triangle. At an outer one that the other has not reached yet, that other
-        // lies on the same side.
+        // Over an inner edge a face goes on in one triangle. At an outer one that the other has not reached yet, that
+        // other lies on the same side.
         let beyond = |&(edge, face, inside): &([u32; 2], usize, u32)| {
             let row = rows.edges.binary_search(&edge).expect("triangles of faces are listed");
             let &[a, b] = rows.faces(row) else { return None };

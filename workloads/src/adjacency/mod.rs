@@ -102,8 +102,8 @@ impl EdgeRows {
 
 /// Welds and orients `mesh` and orders its vertices by first use. Doing it twice changes nothing more.
 ///
-/// The number and order of triangles stay; windings may be turned over, and a flat face that is there twice is split the
-/// second time as it is the first.
+/// The number and order of triangles stay; windings may be turned over, and a flat face that is there twice is split
+/// the second time as it is the first.
 pub fn prepare(mesh: &mut Mesh) {
     weld::weld(mesh);
     copies::split_alike(mesh);

@@ -11,7 +11,7 @@ pub struct Orientation {
     pub component: Vec<u32>,
     /// Triangles to turn over so that all of a body run the same way.
     pub flip: Vec<bool>,
-    /// Whether each body can be given one outside. Per component.
+    /// Whether each body, which is a component, can be given one outside.
     pub orientable: Vec<bool>,
 }
 

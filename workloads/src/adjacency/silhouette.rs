@@ -8,9 +8,9 @@ use crate::mesh::{Mesh, distance_to_triangle};
 /// Weights of one edge: how many more counted faces lie left of `v[0] -> v[1]` than right of it.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct EdgeWeights {
-    /// In the sum F of faces towards the light.
+    /// Weight of the edge in the sum F of faces towards the light.
     pub front: i32,
-    /// In the sum B of faces away from the light.
+    /// Weight of the edge in the sum B of faces away from the light.
     pub back: i32,
 }
 
@@ -82,17 +82,29 @@ pub fn silhouette_edges(mesh: &Mesh, adjacency: &Adjacency, light_center: DVec3)
 /// How a triangle of a prepared mesh counts for a light at some place.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stance {
-    /// With the winding that it has.
+    /// The triangle counts with the winding that it has.
     AsItRuns,
-    /// With the other winding: it belongs to a closed, outward body that has the light inside or on it.
+    /// The triangle counts with the other winding: it belongs to a closed, outward body that has the light inside or on
+    /// it.
     ///
     /// Such a body (a room, a lantern) must be counted by its inner side: none of its outward faces looks at the light.
     TurnedOver,
-    /// Not at all: the light lies on it, and which of its sides looks at the light would be a matter of rounding.
+    /// The triangle does not count: the light lies on it, and which of its sides looks at the light would be a matter
+    /// of rounding.
     LeftOut,
 }
 
 impl Stance {
+    /// The corners of a triangle with this stance as they are counted: one of them three times where it does not count.
+    #[must_use]
+    pub fn corners(self, [a, b, c]: [u32; 3]) -> [u32; 3] {
+        match self {
+            Self::AsItRuns => [a, b, c],
+            Self::TurnedOver => [a, c, b],
+            Self::LeftOut => [a; 3],
+        }
+    }
+
     /// An entry of `Adjacency::edge_faces` for a triangle with this stance.
     #[must_use]
     pub fn side(self, face: u32) -> u32 {
@@ -100,14 +112,14 @@ impl Stance {
     }
 }
 
-/// A light lies on a triangle if it is nearer than this part of the triangle's reach from it: kernels take their sides in
-/// f32, of coordinates about the light.
+/// A light lies on a triangle if it is nearer than this part of the triangle's reach from it: kernels take their sides
+/// in f32, of coordinates about the light.
 const ON_TRIANGLE: f64 = 1.0 / (1 << 22) as f64;
 
 /// How each triangle counts for a light at `light_center`.
 ///
-/// Whether a light is inside a body is found by the body's solid angle about it: 4π inside and 0 outside. A light on the
-/// body counts as inside: what its ray meets next is the inner side of the body, or, on the way out, nothing of it.
+/// Whether a light is inside a body is found by the body's solid angle about it: 4π inside and 0 outside. A light on
+/// the body counts as inside: what its ray meets next is the inner side of the body, or, on the way out, nothing of it.
 #[must_use]
 pub fn stances(mesh: &Mesh, adjacency: &Adjacency, light_center: DVec3) -> Vec<Stance> {
     let bodies = adjacency.component.iter().filter(|&&c| c != NO_COMPONENT).max().map_or(0, |c| c + 1);

@@ -33,8 +33,8 @@ const LANDSCAPE_PARTS: [f64; 2] = [0.5, 0.3];
 /// Nothing stands closer before the eye than this part of its distance from the middle.
 const CLEAR_PART: f64 = 0.3;
 
-/// The view that shows most of the whole scene from above one of its sides, the light higher. Of a landscape, a scene on a
-/// ground of its own, the middle: its ground then fills the picture.
+/// The view that shows most of the whole scene from above one of its sides, the light higher. Of a landscape, a scene
+/// on a ground of its own, the middle: its ground then fills the picture.
 pub fn fit(mut subject: Subject) -> Fitted {
     let landscape = has_ground(&subject);
     subject.floor = (!landscape).then_some(subject.bounds.min.y);

@@ -17,7 +17,8 @@ const LOOK_RAYS: u32 = 8;
 const LOOKS: usize = 12;
 /// A closer look costs as many rays as so many glances.
 const GLANCES_A_LOOK: usize = 32;
-/// Tests that all glances may take together, a ray each: meshes whose triangles all lie over one another get fewer of them.
+/// Tests that all glances may take together, a ray each: meshes whose triangles all lie over one another get fewer of
+/// them.
 const TESTS_MAX: f64 = 5e5;
 
 /// A camera and a light.
@@ -34,7 +35,7 @@ pub struct View {
 pub struct Shown {
     /// Part of the picture that receivers cover.
     covered: f64,
-    /// On the mesh rather than on a floor that is added.
+    /// Part of the picture that shows the mesh rather than a floor that is added.
     subject: f64,
     /// Standard deviation of the distance to the eye as a part of its mean.
     depth: f64,

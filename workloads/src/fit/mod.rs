@@ -1,7 +1,7 @@
 //! Camera, light and, where there is none, a floor for a bare mesh. Up is +y.
 //!
-//! `interior` and `exterior` make candidates, cameras and lights that are clear of everything; `judge` takes the ones that show
-//! most: light, shadow and penumbra each in a fair part of the picture, near things and far ones.
+//! `interior` and `exterior` make candidates, cameras and lights that are clear of everything; `judge` takes the ones
+//! that show most: light, shadow and penumbra each in a fair part of the picture, near things and far ones.
 
 mod exterior;
 mod interior;
@@ -31,7 +31,7 @@ const IMAGE: ImageSize = ImageSize { width: 640, height: 480 };
 pub struct FitInfo {
     /// The mesh is a room: the light is inside it, and the camera too unless one side is open.
     pub interior: bool,
-    /// A floor was added.
+    /// Whether a floor was added to the mesh.
     pub floor_added: bool,
 }
 
@@ -40,9 +40,9 @@ pub struct FitInfo {
 pub struct Fitted {
     /// Where the mesh is seen from.
     pub camera: Camera,
-    /// A sphere light.
+    /// The fitted light, a sphere.
     pub light: Light,
-    /// How they were found.
+    /// What was fitted besides camera and light.
     pub info: FitInfo,
 }
 

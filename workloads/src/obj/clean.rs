@@ -50,7 +50,8 @@ struct Counts {
 const NAMES: [&str; 6] = ["o", "g", "usemtl", "mtllib", "usemap", "maplib"];
 /// Statements of numbers that are read.
 const READ: [&str; 5] = ["v", "vt", "vn", "f", "fo"];
-/// Statements that no triangle depends on: points and lines, smoothing, display, and what curves and surfaces consist of.
+/// Statements that no triangle depends on: points and lines, smoothing, display, and what curves and surfaces consist
+/// of.
 const UNUSED: [&str; 28] = [
     "vp",
     "p",
@@ -108,8 +109,8 @@ pub fn clean(bytes: &[u8]) -> Result<Cleaned, Fault> {
     Ok(reader.out)
 }
 
-/// A line as text: UTF-8, or else Latin-1, in which every byte is a letter. A byte order mark, which files that were put
-/// together from several have in their middle, is left out.
+/// A line as text: UTF-8, or else Latin-1, in which every byte is a letter. A byte order mark, which files that were
+/// put together from several have in their middle, is left out.
 fn decode(line: &[u8]) -> Cow<'_, str> {
     let line = line.strip_prefix("\u{feff}".as_bytes()).unwrap_or(line);
     match core::str::from_utf8(line) {

@@ -24,7 +24,7 @@ pub enum ObjError {
     Read {
         /// Path of the file.
         path: String,
-        /// What the system said.
+        /// What the system said of the file.
         source: std::io::Error,
     },
     /// A statement is not sound.
@@ -32,11 +32,11 @@ pub enum ObjError {
     Line {
         /// Path of the file.
         path: String,
-        /// Line, from 1.
+        /// Line of the file, from 1.
         line: usize,
-        /// What stands there.
+        /// The text that was found there.
         found: String,
-        /// What would be right.
+        /// The text that would be right there.
         expected: String,
     },
     /// More vertices or triangles than 32-bit indices can name.
@@ -44,9 +44,9 @@ pub enum ObjError {
     TooLarge {
         /// Path of the file.
         path: String,
-        /// How many there are.
+        /// How many vertices or triangles there are.
         count: usize,
-        /// Of what.
+        /// What there is too much of: `vertices` or `triangles`.
         what: &'static str,
     },
     /// tobj refused text that had been checked.
@@ -54,7 +54,7 @@ pub enum ObjError {
     Tobj {
         /// Path of the file.
         path: String,
-        /// What tobj said.
+        /// What tobj said of the file.
         source: tobj::LoadError,
     },
 }
@@ -71,11 +71,11 @@ pub struct ObjFile {
 /// Lines that begin with a word that is no statement known here, or one that makes surfaces which are not drawn.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LeftOut {
-    /// The word.
+    /// The word that the lines begin with.
     pub keyword: String,
     /// The first of the lines, from 1.
     pub first_line: usize,
-    /// How many there are.
+    /// How many lines begin with the word.
     pub lines: usize,
 }
 

@@ -12,8 +12,8 @@ const EARLESS_ROUNDS_MAX: usize = 64;
 /// beside them is; corners that touch one another and spikes of no width do no harm. Polygons that cross themselves
 /// still give `n - 2`, and repeated or straight corners may give some without area. Convex polygons give a fan.
 ///
-/// The polygon is walked from its least corner to the lesser neighbor of that: a copy of it that is written from another
-/// corner, or backwards, gives the same triangles, and so is known as a copy. Cost: O(n), O(n²) concave.
+/// The polygon is walked from its least corner to the lesser neighbor of that: a copy of it that is written from
+/// another corner, or backwards, gives the same triangles, and so is known as a copy. Cost: O(n), O(n²) concave.
 pub fn triangulate(corners: &[DVec3]) -> Vec<[usize; 3]> {
     let n = corners.len();
     if n <= 3 {

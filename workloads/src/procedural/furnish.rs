@@ -12,6 +12,13 @@ fn at(x: f64, y: f64, z: f64) -> DVec3 {
     DVec3::new(x, y, z)
 }
 
+/// Begin and end of each of the equal parts, about `about` long, of a wall of this length.
+pub fn in_parts(length: f64, about: f64) -> impl Iterator<Item = (f64, f64)> {
+    let count = (length / about).round();
+    let step = length / count;
+    (0..count as u32).map(move |k| f64::from(k) * step).map(move |from| (from, from + step))
+}
+
 /// Walls, ceiling and the ground under the floor of a room whose floor is at 0, as slabs that touch along their edges.
 pub fn shell(b: &mut Builder, half_x: f64, half_z: f64, height: f64) {
     let (x, z, w) = (half_x, half_z, 0.2);

@@ -1,4 +1,4 @@
-//! What stands in a saloon, in metres. Each piece stands on y = 0 about the origin; bodies touch but do not pass
+//! What stands in a saloon, in metres. Everything stands on y = 0 about the origin; bodies touch but do not pass
 //! through one another, as the soft shadow map counts overlap twice.
 
 use core::f64::consts::TAU;

@@ -4,7 +4,7 @@ use core::f64::consts::TAU;
 
 use glam::{DMat3, DVec3};
 
-use super::furnish::{bar_top, barrels, doorway, frame, shell, tables_with_chairs};
+use super::furnish::{bar_top, barrels, doorway, frame, in_parts, shell, tables_with_chairs};
 use super::furniture::{
     bar_counter, barrel, bottle_shelf, piano, piano_stool, railing, stool, wheel_chandelier,
 };
@@ -83,11 +83,8 @@ fn floor(b: &mut Builder) {
 /// Boards along the walls up to 1 m, and the rail above them; left out where the door, the bar and the stairs are.
 fn wainscot(b: &mut Builder) {
     let boards = |b: &mut Builder, length: f64| {
-        let count = (length / 0.4).round();
-        let step = length / count;
-        for k in 0..count as u32 {
-            let x = f64::from(k) * step;
-            b.cuboid(at(x + 0.01, 0.0, 0.0), at(x + step - 0.01, 1.0, 0.02));
+        for (from, to) in in_parts(length, 0.4) {
+            b.cuboid(at(from + 0.01, 0.0, 0.0), at(to - 0.01, 1.0, 0.02));
         }
         b.cuboid(at(0.0, 1.0, 0.0), at(length, 1.07, 0.045));
     };

@@ -4,7 +4,7 @@ use core::f64::consts::TAU;
 
 use glam::{DMat3, DVec3};
 
-use super::furnish::{bar_top, barrels, doorway, frame, shell, tables_with_chairs};
+use super::furnish::{bar_top, barrels, doorway, frame, in_parts, shell, tables_with_chairs};
 use super::furniture::{baluster, bar_counter, bottle_shelf, piano, piano_stool, stool, wheel_chandelier};
 use super::random::Random;
 use super::shapes::{Builder, turn_y, turn_z};
@@ -94,11 +94,8 @@ fn ceiling(b: &mut Builder) {
 /// Panels along the walls up to 1 m with a rail above them, and pictures.
 fn panels(b: &mut Builder) {
     let row = |b: &mut Builder, length: f64| {
-        let count = (length / 1.05).round();
-        let step = length / count;
-        for k in 0..count as u32 {
-            let x = f64::from(k) * step;
-            b.cuboid(at(x + 0.05, 0.15, 0.0), at(x + step - 0.05, 0.95, 0.025));
+        for (from, to) in in_parts(length, 1.05) {
+            b.cuboid(at(from + 0.05, 0.15, 0.0), at(to - 0.05, 0.95, 0.025));
         }
         b.cuboid(at(0.0, 0.0, 0.0), at(length, 0.12, 0.04));
         b.cuboid(at(0.0, 1.0, 0.0), at(length, 1.07, 0.05));

@@ -49,7 +49,7 @@ impl Builder {
         Self { detail: detail.max(1), ..Self::default() }
     }
 
-    /// The mesh.
+    /// The mesh that was built.
     #[must_use]
     pub fn finish(self) -> Mesh {
         self.mesh

@@ -8,13 +8,14 @@ use super::random::Random;
 use super::shapes::Builder;
 
 /// Directions along a path and across it, carried along without turning about it.
-struct Frame {
+struct CrossAxes {
     side: DVec3,
     normal: DVec3,
 }
 
-/// Frames of a path of at least two different points; the first side is level where the path is not upright.
-fn frames(path: &[DVec3]) -> Vec<Frame> {
+/// The cross axes at each point of a path of at least two different points; the first side is level where the path is
+/// not upright.
+fn cross_axes(path: &[DVec3]) -> Vec<CrossAxes> {
     let last = path.len() - 1;
     let along = |k: usize| (path[(k + 1).min(last)] - path[k.max(1) - 1]).normalize();
     let helper = if along(0).y.abs() < 0.99 { DVec3::Y } else { DVec3::X };
@@ -22,7 +23,7 @@ fn frames(path: &[DVec3]) -> Vec<Frame> {
     (0..=last)
         .map(|k| {
             side = (side - along(k) * side.dot(along(k))).normalize();
-            Frame { side, normal: along(k).cross(side) }
+            CrossAxes { side, normal: along(k).cross(side) }
         })
         .collect()
 }
@@ -51,17 +52,15 @@ impl Builder {
     pub fn tube(&mut self, path: &[DVec3], sides: u32, radius: impl Fn(f64) -> f64) {
         let n = self.sides(sides);
         let last = (path.len() - 1) as f64;
-        let rings: Vec<Vec<DVec3>> = frames(path)
+        let rings: Vec<Vec<DVec3>> = cross_axes(path)
             .iter()
             .zip(path)
             .enumerate()
-            .map(|(row, (frame, &p))| {
+            .map(|(row, (axes, &p))| {
                 let r = radius(row as f64 / last);
                 let corner = |k| TAU * f64::from(k) / f64::from(n);
                 (0..n)
-                    .map(|k| {
-                        p + (frame.side * libm::cos(corner(k)) + frame.normal * libm::sin(corner(k))) * r
-                    })
+                    .map(|k| p + (axes.side * libm::cos(corner(k)) + axes.normal * libm::sin(corner(k))) * r)
                     .collect()
             })
             .collect();
@@ -73,16 +72,16 @@ impl Builder {
     pub fn leaf(&mut self, path: &[DVec3], sides: u32, thickness: f64, width: impl Fn(f64) -> f64) {
         let n = self.sides(sides);
         let last = path.len() - 1;
-        let frames = frames(path);
+        let axes = cross_axes(path);
         let rings: Vec<Vec<DVec3>> = (1..last)
             .map(|row| {
                 let half = width(row as f64 / last as f64) * 0.5;
-                let frame = &frames[row];
+                let axes = &axes[row];
                 (0..n)
                     .map(|k| {
                         let angle = TAU * f64::from(k) / f64::from(n);
-                        let across = frame.side * (libm::cos(angle) * half);
-                        path[row] + across + frame.normal * (libm::sin(angle) * half * thickness)
+                        let across = axes.side * (libm::cos(angle) * half);
+                        path[row] + across + axes.normal * (libm::sin(angle) * half * thickness)
                     })
                     .collect()
             })

@@ -16,12 +16,12 @@ pub(super) fn is_left(p: DVec3, v0: DVec3, v1: DVec3) -> bool {
 pub struct HardHit {
     /// The line through light and receiver meets the triangle.
     pub inside: bool,
-    /// Where it meets the triangle's plane: 0 at the light, 1 at the receiver.
+    /// Where the ray from the light meets the triangle's plane: 0 at the light, 1 at the receiver.
     pub t: f64,
 }
 
-/// Greatest [`HardHit::t`] at which triangle `v` shadows: it must be nearer than the receiver by more than f32 may take a
-/// point off its plane, which is eight roundings of the terms of `point . normal`, as the kernels have it.
+/// Greatest [`HardHit::t`] at which triangle `v` shadows: it must be nearer than the receiver by more than f32 may take
+/// a point off its plane, which is eight roundings of the terms of `point . normal`, as the kernels have it.
 pub(super) fn greatest_t(v: [DVec3; 3]) -> f64 {
     const ROUNDINGS: f64 = 1.0 / (1 << 21) as f64;
     let n = (v[1] - v[0]).cross(v[2] - v[0]);

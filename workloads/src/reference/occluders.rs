@@ -27,7 +27,8 @@ pub struct Projection {
 }
 
 impl Projection {
-    /// For receiver `p` (light at the origin) and a disc of `radius` across `normal`; `None`: it faces the receiver.
+    /// The disc that receiver `p` sees (light at the origin), of `radius` across `normal`; `None`: it faces the
+    /// receiver.
     #[must_use]
     pub fn new(p: DVec3, radius: f64, normal: Option<DVec3>) -> Self {
         let axis = match normal {
@@ -96,7 +97,8 @@ pub struct Occluders {
 }
 
 impl Occluders {
-    /// From the very numbers that kernels get: differences to a kernel are then its rounding, or its faults.
+    /// The occluders made of the very numbers that kernels get: differences to a kernel are then its rounding, or its
+    /// faults.
     #[must_use]
     pub fn from_input(input: &ShadowInput) -> Self {
         let vertices: Vec<DVec3> = input.vertices.iter().map(|&v| glam::Vec3::from(v).as_dvec3()).collect();
@@ -109,22 +111,16 @@ impl Occluders {
         made
     }
 
-    /// From a prepared mesh, without rounding to f32.
+    /// The occluders made of a prepared mesh, without rounding to f32.
     #[must_use]
     pub fn from_mesh(mesh: &Mesh, adjacency: &Adjacency, light: &Light) -> Self {
         let center = light.center();
         let stance = stances(mesh, adjacency, center);
         let triangles: Vec<[u32; 3]> = (0..mesh.triangles.len())
             .map(|t| {
-                let [a, b, c] = mesh.triangles[t];
-                if adjacency.component[t] == crate::adjacency::NO_COMPONENT {
-                    return [a; 3];
-                }
-                match stance[t] {
-                    Stance::AsItRuns => [a, b, c],
-                    Stance::TurnedOver => [a, c, b],
-                    Stance::LeftOut => [a; 3],
-                }
+                let counts = adjacency.component[t] != crate::adjacency::NO_COMPONENT;
+                let stance = if counts { stance[t] } else { Stance::LeftOut };
+                stance.corners(mesh.triangles[t])
             })
             .collect();
         let turned: Vec<u32> =
@@ -218,8 +214,8 @@ impl Occluders {
 
     /// Covered part of the light, in [0, 1], at receiver `p`: `min(max(|F|, |B|), 1)`.
     ///
-    /// A sum is negative where the receiver and the middle of the light lie on one side of a face that covers part of the
-    /// light: from the receiver the face runs the other way round. Its size is what it covers.
+    /// A sum is negative where the receiver and the middle of the light lie on one side of a face that covers part of
+    /// the light: from the receiver the face runs the other way round. Its size is what it covers.
     #[must_use]
     pub fn coverage_at(&self, p: DVec3, own: u32) -> f64 {
         let (front, back) = self.sums(p, own);

@@ -49,8 +49,8 @@ impl Rays {
         Self { light: *light, samples: (0..count).map(sample).collect() }
     }
 
-    /// How far the pattern is turned at pixel or receiver `number`, in [0, 1): by the golden section from one to the next, so that
-    /// few rays do not show as bands.
+    /// How far the pattern is turned at pixel or receiver `number`, in [0, 1): by the golden section from one to the
+    /// next, so that few rays do not show as bands.
     #[must_use]
     pub fn turn(number: u32) -> f64 {
         (f64::from(number) * 0.618_033_988_749_895).fract()

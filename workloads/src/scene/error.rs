@@ -5,10 +5,10 @@ use crate::obj::ObjError;
 /// Why a scene could not be made.
 #[derive(Debug, thiserror::Error)]
 pub enum SceneError {
-    /// Neither a shipped name nor a file of a known kind.
+    /// The name is neither a shipped one nor that of a file of a known kind.
     #[error("`{found}` is not a scene; it must be FILE.json, FILE.obj, or one of: {known}")]
     Unknown {
-        /// What was asked for.
+        /// The name that was asked for.
         found: String,
         /// Names of the shipped scenes.
         known: String,
@@ -18,7 +18,7 @@ pub enum SceneError {
     Read {
         /// Path of the scene file.
         path: String,
-        /// What the system said.
+        /// What the system said of the scene file.
         source: std::io::Error,
     },
     /// Not JSON, an unknown field, or a value of the wrong type. Line and column are in the message.
@@ -29,9 +29,9 @@ pub enum SceneError {
     Value {
         /// JSON path of the value, such as `camera.fov_y_degrees`.
         at: String,
-        /// What was found.
+        /// The value that was found.
         found: String,
-        /// What would be right.
+        /// The values that would be right.
         expected: String,
     },
     /// The mesh could not be read.
@@ -48,13 +48,13 @@ pub enum SceneError {
         /// Folders that were searched.
         searched: String,
     },
-    /// Nothing to see.
+    /// The mesh has no triangles: there is nothing to see.
     #[error("`{mesh}` has no triangles; a scene needs at least one")]
     NoTriangles {
         /// The mesh as the scene names it.
         mesh: String,
     },
-    /// Nothing that could be seen from anywhere.
+    /// The mesh has no extent: nothing of it could be seen from anywhere.
     #[error("all vertices of `{mesh}` lie at one point; a scene must measure at least 1e-100")]
     NoExtent {
         /// The mesh as the scene names it.

@@ -13,15 +13,15 @@ use crate::light::Light;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SceneFile {
-    /// The triangles.
+    /// The triangles of the scene.
     pub mesh: MeshSource,
-    /// Where they are seen from.
+    /// The camera that the scene is seen from.
     pub camera: Camera,
     /// Size of the picture.
     pub image: ImageSize,
-    /// What casts the shadows.
+    /// The light that casts the shadows.
     pub light: Light,
-    /// What moves over time, if anything does.
+    /// What moves in the scene over time, if anything does.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub motion: Option<Motion>,
 }
@@ -33,8 +33,8 @@ pub struct SceneFile {
     expecting = "a mesh is the path of an OBJ file, or {\"procedural\": NAME, \"seed\": N, \"detail\": N}"
 )]
 pub enum MeshSource {
-    /// An OBJ file: looked up in the folders of the environment variable `LRBSIM_SCENES` (`configs/scenes/models` if that
-    /// is not set), then beside the scene file.
+    /// An OBJ file: looked up in the folders of the environment variable `LRBSIM_SCENES` (`configs/scenes/models` if
+    /// that is not set), then beside the scene file.
     Path(String),
     /// Triangles made by code.
     Procedural(Procedural),

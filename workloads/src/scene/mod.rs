@@ -4,6 +4,7 @@ mod builtin;
 mod error;
 mod file;
 mod motion;
+mod name;
 pub mod search;
 mod validate;
 mod warning;
@@ -17,15 +18,16 @@ pub use builtin::{builtin_names, builtin_scene, model_names};
 pub use error::SceneError;
 pub use file::{MeshSource, Procedural, SceneFile};
 pub use motion::{Motion, Track};
-pub use search::{find_bare_model, find_model};
+pub use name::SceneName;
+pub use search::find_model;
 pub use validate::{validate, validate_light_size};
 pub use warning::SceneWarning;
 
-use validate::validate_extent;
+use validate::validate_mesh;
 
 use crate::adjacency::prepare;
 use crate::camera::{Camera, ImageSize};
-use crate::fit::{FitInfo, fit_scene};
+use crate::fit::FitInfo;
 use crate::light::Light;
 use crate::mesh::Mesh;
 use crate::obj::LeftOut;
@@ -38,15 +40,15 @@ pub struct Scene {
     pub name: String,
     /// Welded and oriented triangles, world space.
     pub mesh: Mesh,
-    /// Where it is seen from.
+    /// Camera that the scene is seen from.
     pub camera: Camera,
     /// Size of the picture.
     pub image: ImageSize,
-    /// What casts the shadows.
+    /// Light that casts the shadows.
     pub light: Light,
     /// Where the mesh came from: a path as given, or `procedural NAME`.
     pub source: String,
-    /// What moves, if anything does.
+    /// What moves in the scene, if anything does.
     pub motion: Option<Motion>,
     /// What was fitted, if the scene is a bare OBJ file.
     pub fit: Option<FitInfo>,
@@ -62,10 +64,7 @@ impl Scene {
     pub fn new(name: &str, file: &SceneFile, mut mesh: Mesh) -> Result<Self, SceneError> {
         validate(file)?;
         let source = file.mesh.to_string();
-        if mesh.triangles.is_empty() {
-            return Err(SceneError::NoTriangles { mesh: source });
-        }
-        validate_extent(&mesh, &source)?;
+        validate_mesh(&mesh, &source)?;
         validate_light_size(&file.light, &mesh)?;
         prepare(&mut mesh);
         if let Some(motion) = &file.motion {
@@ -85,54 +84,31 @@ impl Scene {
             left_out: Vec::new(),
         })
     }
-}
 
-/// Loads a scene: the name of a shipped one, a `FILE.json`, or a `FILE.obj`, which gets a fitted view.
-///
-/// Paths of files are relative to `base_dir`; models are looked up as [`search`] says.
-///
-/// # Errors
-/// If a file cannot be read or is not sound; names the place, what was found and what would be right.
-pub fn load_scene(arg: impl AsRef<Path>, base_dir: &Path) -> Result<Scene, SceneError> {
-    let arg = arg.as_ref();
-    let shown = arg.display().to_string();
-    if let Some(text) = arg.to_str().and_then(builtin_scene) {
-        return parse_scene(text, &shown, base_dir);
-    }
-    let path = base_dir.join(arg);
-    let name = path.file_stem().map_or_else(|| shown.clone(), |s| s.to_string_lossy().into_owned());
-    match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
-        Some("json") => {
-            let text = std::fs::read_to_string(&path)
-                .map_err(|source| SceneError::Read { path: path.display().to_string(), source })?;
-            parse_scene(&text, &name, path.parent().unwrap_or(base_dir))
-        }
-        Some("obj") => {
-            let obj::ObjFile { mesh, left_out } = obj::read_file(&find_bare_model(arg, base_dir))?;
-            if mesh.triangles.is_empty() {
-                return Err(SceneError::NoTriangles { mesh: shown });
+    /// Makes the scene that `file` describes; its model is looked up as [`search`] says, `beside` being the file's
+    /// folder.
+    fn of_file(name: &str, file: &SceneFile, beside: &Path) -> Result<Self, SceneError> {
+        // First what costs nothing: a model may be large.
+        validate(file)?;
+        let (mesh, left_out) = match &file.mesh {
+            MeshSource::Path(path) => {
+                let obj::ObjFile { mesh, left_out } = obj::read_file(&find_model(path, beside)?)?;
+                (mesh, left_out)
             }
-            validate_extent(&mesh, &shown)?;
-            Ok(Scene { name, source: shown, left_out, ..fit_scene(mesh) })
-        }
-        _ => Err(SceneError::Unknown { found: shown, known: builtin_names().join(", ") }),
+            MeshSource::Procedural(procedural) => (procedural::build(procedural)?, Vec::new()),
+        };
+        Ok(Self { left_out, ..Self::new(name, file, mesh)? })
     }
 }
 
-/// Makes a scene of the text of a scene file that stands in `mesh_dir`; its model is looked up as [`search`] says.
+/// Loads the scene that somebody in `folder` calls `name`: a shipped name, `FILE.json`, or `FILE.obj`, which gets a
+/// fitted view.
 ///
 /// # Errors
-/// As [`load_scene`].
-pub fn parse_scene(text: &str, name: &str, mesh_dir: &Path) -> Result<Scene, SceneError> {
-    // Some editors put a byte order mark first.
-    let file: SceneFile = serde_json::from_str(text.trim_start_matches('\u{feff}'))?;
-    validate(&file)?;
-    let (mesh, left_out) = match &file.mesh {
-        MeshSource::Path(path) => {
-            let obj::ObjFile { mesh, left_out } = obj::read_file(&find_model(path, mesh_dir)?)?;
-            (mesh, left_out)
-        }
-        MeshSource::Procedural(procedural) => (procedural::build(procedural)?, Vec::new()),
-    };
-    Ok(Scene { left_out, ..Scene::new(name, &file, mesh)? })
+/// If it is no name of a scene, or as [`SceneName::load`].
+pub fn load_scene(name: impl AsRef<Path>, folder: &Path) -> Result<Scene, SceneError> {
+    let name = name.as_ref();
+    let unknown =
+        || SceneError::Unknown { found: name.display().to_string(), known: builtin_names().join(", ") };
+    SceneName::parse(name).ok_or_else(unknown)?.within(folder).load()
 }

@@ -16,16 +16,16 @@ use crate::mesh::Mesh;
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Motion {
-    /// The light; it is moved, not turned.
+    /// How the light moves; it does not turn.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub light: Option<Track>,
-    /// The eye of the camera.
+    /// How the eye of the camera moves.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub eye: Option<Track>,
-    /// The point that the camera looks at.
+    /// How the point moves that the camera looks at.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub target: Option<Track>,
-    /// Objects and groups of the mesh by their name; all that go by a name move as one.
+    /// How objects and groups of the mesh move, by their name; all that go by a name move as one.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub objects: BTreeMap<String, Track>,
 }
@@ -224,15 +224,13 @@ fn move_objects(mesh: &mut Mesh, name: &str, way: &Move) {
 
 #[cfg(test)]
 mod tests {
-    use std::path::Path;
-
     use super::*;
-    use crate::scene::{builtin_scene, parse_scene};
+    use crate::scene::{SceneName, builtin_scene};
 
     fn scene(motion: &str) -> Result<Scene, SceneError> {
         let text = builtin_scene("tiny").expect("shipped");
         let end = text.rfind('}').expect("an object");
-        parse_scene(&format!("{}, \"motion\": {motion}}}", &text[..end]), "tiny", Path::new(""))
+        SceneName::Shipped("tiny").scene_of_text(&format!("{}, \"motion\": {motion}}}", &text[..end]))
     }
 
     fn near(a: DVec3, b: DVec3) -> bool {

@@ -1,10 +1,10 @@
 //! Where models are looked for.
 //!
-//! A model that a scene file names is looked up in the folders of the environment variable `LRBSIM_SCENES` (separated as
-//! in `PATH`), in their order, and then beside the scene file; for a shipped scene, which has no file, in the current
-//! folder. Where the variable is not set it stands for `configs/scenes/models`, so that a checkout finds its own models.
-//! The first that is there is taken. An absolute path is taken as it is. A model that is a scene by itself is a path
-//! first: only what is not there is looked up.
+//! A model that a scene file names is looked up in the folders of the environment variable `LRBSIM_SCENES` (separated
+//! as in `PATH`), in their order, and then beside the scene file; for a shipped scene, which has no file, in the
+//! current folder. Where the variable is not set it stands for `configs/scenes/models`, so that a checkout finds its
+//! own models. The first that is there is taken. An absolute path is taken as it is. A model that is a scene by itself
+//! is a path first: only what is not there is looked up.
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -25,12 +25,10 @@ pub fn find_model(model: &str, beside: &Path) -> Result<PathBuf, SceneError> {
     find_in(Path::new(model), search_path().into_iter().chain([beside.to_owned()]))
 }
 
-/// Path of the model `model` that is a scene by itself: relative to `beside`, or else in the folders of the variable.
-#[must_use]
-pub fn find_bare_model(model: &Path, beside: &Path) -> PathBuf {
-    let here = beside.join(model);
+/// Path of the model `model` that is a scene by itself: this path, or else one in the folders of the variable.
+pub(super) fn find_bare_model(model: &Path) -> PathBuf {
     // Of one that is nowhere, the plain path: reading it says what is wrong.
-    find_in(model, [beside.to_owned()].into_iter().chain(search_path())).unwrap_or(here)
+    find_in(model, [PathBuf::new()].into_iter().chain(search_path())).unwrap_or_else(|_| model.to_owned())
 }
 
 fn search_path() -> Vec<PathBuf> {

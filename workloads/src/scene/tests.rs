@@ -36,6 +36,24 @@ fn a_light_that_touches_something_is_warned_of() {
 }
 
 #[test]
+fn a_light_inside_a_body_is_warned_of_unless_the_camera_is_there_too() {
+    let mut scene = load_scene("tiny", Path::new(".")).expect("shipped");
+    let (eye, light) = (scene.camera.eye, scene.light.center());
+    let body = &scene.mesh.objects[1];
+    let corners = (body.first..body.last).flat_map(|t| scene.mesh.corners(t as usize));
+    let inside = corners.clone().sum::<DVec3>() / corners.count() as f64;
+    for (center, eye, warned) in
+        [(light, eye, false), (inside, eye, true), (inside, inside + DVec3::splat(1e-3), false)]
+    {
+        scene.light = Light::Sphere { center, radius: 1e-4 };
+        scene.camera.eye = eye;
+        let found = scene.warnings();
+        let enclosed = |warning: &SceneWarning| matches!(warning, SceneWarning::LightEnclosed { .. });
+        assert_eq!(found.iter().any(enclosed), warned, "{center} {eye}: {found:?}");
+    }
+}
+
+#[test]
 fn the_small_saloon_is_as_large_as_promised() {
     let scene = load_scene("saloon-small", Path::new(".")).expect("shipped");
     let adjacency = Adjacency::new(&scene.mesh);
@@ -95,8 +113,7 @@ fn inputs_of_kernels_do_not_depend_on_the_scale_of_the_scene() {
 fn error_of(from: &str, to: &str) -> String {
     let text = builtin_scene("tiny").expect("shipped");
     assert!(text.contains(from), "{from}");
-    let error = parse_scene(&text.replace(from, to), "test", Path::new(".")).expect_err("bad value");
-    error.to_string()
+    SceneName::Shipped("tiny").scene_of_text(&text.replace(from, to)).expect_err("bad value").to_string()
 }
 
 #[test]
@@ -204,10 +221,11 @@ fn fingerprint(scene: &Scene) -> u64 {
 /// names, as all tables made with it change too.
 ///
 /// One list serves all hosts and back ends: meshes are made by f64 code on the host, before any kernel runs, with basic
-/// operations and `libm`, whose bytes are the same everywhere. What back ends make of them is held in the kernels' tests.
+/// operations and `libm`, whose bytes are the same everywhere. What back ends make of them is held in the kernels'
+/// tests.
 ///
-/// 0.2.0: the lights of `palm` and `street` stand 350 m and 285 m off, as the sun of an exterior should, no longer 35 m and
-/// 95 m: near lights were chosen when planes through far edges lost their digits and light leaked in at contacts.
+/// 0.2.0: the lights of `palm` and `street` stand 350 m and 285 m off, as the sun of an exterior should, no longer 35 m
+/// and 95 m: near lights were chosen when planes through far edges lost their digits and light leaked in at contacts.
 const FROZEN: [(&str, u64); 9] = [
     ("cornell", 0x40a5_b712_98ec_daf7),
     ("fern", 0xef7c_5c6b_3e47_d6ea),

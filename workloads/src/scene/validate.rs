@@ -39,8 +39,11 @@ pub(super) fn validate_view(view: &Camera, lamp: &Light) -> Result<(), SceneErro
     light(lamp)
 }
 
-/// Checks that the vertices of `mesh` do not all lie at one point; `name` is how errors call it.
-pub(super) fn validate_extent(mesh: &Mesh, name: &str) -> Result<(), SceneError> {
+/// Checks that `mesh` has triangles, and that its vertices do not all lie at one point; `name` is how errors call it.
+pub(super) fn validate_mesh(mesh: &Mesh, name: &str) -> Result<(), SceneError> {
+    if mesh.triangles.is_empty() {
+        return Err(SceneError::NoTriangles { mesh: name.to_owned() });
+    }
     if mesh.bounds().diagonal() < DIAGONAL_MIN {
         return Err(SceneError::NoExtent { mesh: name.to_owned() });
     }

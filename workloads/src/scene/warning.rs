@@ -4,7 +4,9 @@ use core::fmt;
 use std::path::Path;
 
 use super::Scene;
+use crate::adjacency::{Adjacency, Stance, stances};
 use crate::light::Light;
+use crate::mesh::ObjectRange;
 use crate::obj::LeftOut;
 
 /// Something about a scene that its maker should know.
@@ -12,9 +14,9 @@ use crate::obj::LeftOut;
 pub enum SceneWarning {
     /// The OBJ file has lines that were not understood.
     LeftOut {
-        /// File that has them.
+        /// Name of the OBJ file that has the lines.
         file: String,
-        /// Which they are.
+        /// Word that the lines begin with, the first of them, and their number.
         lines: LeftOut,
     },
     /// The light reaches into a triangle: a part of it is then behind that triangle, or inside a body.
@@ -24,6 +26,11 @@ pub enum SceneWarning {
         /// Radius of the light, world units.
         radius: f64,
         /// Object of the triangle; empty if it has no name.
+        object: String,
+    },
+    /// The light is inside a closed body that the camera is outside of: all that is seen is in its shadow.
+    LightEnclosed {
+        /// Object of the body; empty if it has no name.
         object: String,
     },
 }
@@ -41,20 +48,31 @@ impl fmt::Display for SceneWarning {
                 )
             }
             Self::LightTouches { distance, radius, object } => {
-                let of = if object.is_empty() { String::new() } else { format!(" of `{object}`") };
+                let of = named(" of ", object);
                 write!(
                     f,
                     "the light touches a triangle{of}: its radius is {radius:.4} and the triangle is {distance:.4} from \
                      its middle; its shadows are right only where it is clear of everything"
                 )
             }
+            Self::LightEnclosed { object } => write!(
+                f,
+                "the light is inside a closed body{} and the camera is not: all that is seen is dark; move \
+                 `light.center` out of the body",
+                named(", ", object)
+            ),
         }
     }
 }
 
+/// The name of an object after `before`; nothing of one without a name.
+fn named(before: &str, object: &str) -> String {
+    if object.is_empty() { String::new() } else { format!("{before}`{object}`") }
+}
+
 impl Scene {
     /// What should be known before the scene is drawn: lines of its model that were left out, a light that touches
-    /// something. Looks at every triangle.
+    /// something or is shut in. Looks at every triangle.
     #[must_use]
     pub fn warnings(&self) -> Vec<SceneWarning> {
         // Its name alone: where a file lies does not belong in results.
@@ -64,7 +82,7 @@ impl Scene {
             .left_out
             .iter()
             .map(|lines| SceneWarning::LeftOut { file: file.clone(), lines: lines.clone() });
-        left_out.chain(self.touched()).collect()
+        left_out.chain(self.touched().or_else(|| self.enclosed())).collect()
     }
 
     /// The triangle that is nearest to a light that reaches it.
@@ -78,10 +96,27 @@ impl Scene {
         if distance > radius {
             return None;
         }
-        let holds = |object: &&crate::mesh::ObjectRange| {
-            (object.first as usize..object.last as usize).contains(&triangle)
-        };
-        let object = self.mesh.objects.iter().find(holds).map_or("", |object| &object.name).to_owned();
-        Some(SceneWarning::LightTouches { distance, radius, object })
+        Some(SceneWarning::LightTouches { distance, radius, object: self.object_of(triangle) })
+    }
+
+    /// A closed body that the light is in and the camera is not. A room that both are in, or that has an opening, is
+    /// none.
+    fn enclosed(&self) -> Option<SceneWarning> {
+        let adjacency = Adjacency::new(&self.mesh);
+        let about = |place| stances(&self.mesh, &adjacency, place);
+        let light = about(self.light.center());
+        if !light.contains(&Stance::TurnedOver) {
+            return None;
+        }
+        let mut both = light.iter().zip(about(self.camera.eye));
+        let triangle =
+            both.position(|(light, eye)| (*light, eye) == (Stance::TurnedOver, Stance::AsItRuns))?;
+        Some(SceneWarning::LightEnclosed { object: self.object_of(triangle) })
+    }
+
+    /// Name of the object that has the triangle; empty if it has none.
+    fn object_of(&self, triangle: usize) -> String {
+        let holds = |object: &&ObjectRange| (object.first as usize..object.last as usize).contains(&triangle);
+        self.mesh.objects.iter().find(holds).map_or_else(String::new, |object| object.name.clone())
     }
 }

@@ -9,9 +9,10 @@ use super::stuck::Watch;
 use super::{Parts, Stuck};
 use crate::Cycle;
 use crate::exchange::Message;
+use crate::observer::Observer;
 
 /// Runs a step that begins at `start`, whose threads have asked for their first tasks.
-pub(super) fn run(parts: &mut Parts<'_, '_>, start: Cycle) -> Result<(), Stuck> {
+pub(super) fn run<O: Observer>(parts: &mut Parts<'_, '_, O>, start: Cycle) -> Result<(), Stuck> {
     let mut watch = Watch::default();
     // No cycle is simulated twice.
     let mut next = start;
@@ -34,7 +35,7 @@ pub(super) fn run(parts: &mut Parts<'_, '_>, start: Cycle) -> Result<(), Stuck> 
 }
 
 /// Hands the requests and pulls of all cores to the uncore, which answers for the cycle `next` at the earliest.
-fn leave(parts: &mut Parts<'_, '_>, next: Cycle) {
+fn leave<O: Observer>(parts: &mut Parts<'_, '_, O>, next: Cycle) {
     for index in 0..parts.cores.active() {
         let core = parts.cores.core(index);
         for request in core.shared.caches.outbox.drain(..) {
@@ -48,8 +49,9 @@ fn leave(parts: &mut Parts<'_, '_>, next: Cycle) {
         pulls.extend(core.shared.pulls.drain(..).map(|pull| (pull.time, pull.thread, core.index)));
     });
     pulls.sort_unstable();
-    for (_, thread, core) in pulls.drain(..) {
-        let streams = parts.step.next_chunk(parts.hands);
+    for (asked, thread, core) in pulls.drain(..) {
+        let (chunk, streams) = parts.step.next_chunk(parts.hands);
+        parts.observer.tasks(core, thread, chunk, asked, next);
         let core = parts.cores.core(core);
         core.tell(Message::Tasks { thread, streams, from: next });
         core.read_inbox(parts.tables, next, next);

@@ -30,7 +30,9 @@ use crate::config::MachineSpec;
 use crate::core::{Core, CoreTables};
 use crate::counters::{Cause, CycleStack, StepReport};
 use crate::fidelity::Fidelity;
+use crate::observer::Observer;
 use crate::scheduler::barrier_cycles;
+use crate::timing::Timing;
 use cores::{AsPeers, Cores};
 use hands::{Alone, Captain, Crew, Hands};
 use laws::Carried;
@@ -41,8 +43,9 @@ use step::Step;
 /// A simulated chip. Its caches stay warm from step to step.
 ///
 /// Storage and host time follow the cores that have run and the lines that were touched.
-pub struct Chip {
+pub struct Chip<O = ()> {
     spec: MachineSpec,
+    observer: O,
     fidelity: Fidelity,
     host_threads: usize,
     tables: CoreTables,
@@ -69,7 +72,8 @@ pub struct CoreActivity {
 }
 
 /// What a level of modeling works on.
-struct Parts<'a, 's> {
+struct Parts<'a, 's, O> {
+    observer: &'a mut O,
     cores: &'a mut Cores,
     tables: &'a CoreTables,
     uncore: &'a mut Uncore,
@@ -82,11 +86,27 @@ struct Parts<'a, 's> {
 }
 
 impl Chip {
-    /// A cold chip, whose cores at most `host_threads` host threads run. How many these are changes no result.
+    /// A cold chip at a fidelity that is timed, whose cores at most `host_threads` host threads run. How many these are
+    /// changes no result.
+    ///
+    /// # Panics
+    /// Where `fidelity` is not timed.
     pub fn new(spec: &MachineSpec, fidelity: Fidelity, host_threads: usize) -> Chip {
+        Chip::observed(spec, fidelity, host_threads, ())
+    }
+}
+
+impl<O: Observer> Chip<O> {
+    /// A chip as [`Chip::new`] makes it, which `observer` watches.
+    ///
+    /// # Panics
+    /// Where `fidelity` is not timed.
+    pub fn observed(spec: &MachineSpec, fidelity: Fidelity, host_threads: usize, observer: O) -> Chip<O> {
+        assert!(fidelity.is_timed(), "a chip has times, and {fidelity} has none");
         let uncore = Uncore::new(spec, fidelity == Fidelity::Cycle);
         let host_threads = host_threads.clamp(1, spec.cores as usize);
         Chip {
+            observer,
             fidelity,
             host_threads,
             tables: CoreTables::new(spec),
@@ -103,8 +123,6 @@ impl Chip {
 
     /// Runs all tasks of a step and the barrier that ends it.
     ///
-    /// Under [`Fidelity::Functional`] tasks are recorded and counted, and no time passes.
-    ///
     /// # Errors
     /// When nothing moves any more: a defect of the simulator, after which the chip is of no use.
     ///
@@ -115,16 +133,10 @@ impl Chip {
         let total_tasks = tasks.tasks();
         let threads = total_tasks.min(self.spec.cores * self.spec.threads_per_core);
         let mut step = Step::new(tasks, threads, &self.spec, std::mem::take(&mut self.spare));
-        if self.fidelity == Fidelity::Functional {
-            step.record_all();
-            self.spare = step.spare;
-            let mut report = StepReport { steps: 1, ..step.tally.0 };
-            report.issued = report.class_counts.iter().sum();
-            return Ok(report);
-        }
 
         // What earlier steps left on its way arrives first.
         let start = self.now;
+        self.observer.step(tasks.name(), total_tasks, start);
         self.cores.set_active(0);
         let (cores, tables) = (&mut self.cores, &self.tables);
         self.uncore.run_until(start, &mut AsPeers { cores, tables });
@@ -139,7 +151,8 @@ impl Chip {
             core.start_step(count as usize, self.spec.threads_per_core, start);
         }
 
-        let run_level = if self.fidelity == Fidelity::Windowed { windowed::run } else { cycle::run };
+        let run_level =
+            if self.fidelity == Fidelity::Windowed { windowed::run::<O> } else { cycle::run::<O> };
         let host_threads = self.host_threads.min(active as usize);
         let (cores, tables, uncore) = (&mut self.cores, &self.tables, &mut self.uncore);
         // All threads ask for their first task at once.
@@ -149,6 +162,7 @@ impl Chip {
             }
         });
         let mut parts = Parts {
+            observer: &mut self.observer,
             cores,
             tables,
             uncore,
@@ -181,6 +195,7 @@ impl Chip {
         let mut last_arrival = start;
         self.cores.each_active(|core| last_arrival = last_arrival.max(core.arrival));
         let end = last_arrival + self.barrier_cycles;
+        self.observer.barrier(last_arrival, end);
         let cycles = end - start;
         self.now = end;
         self.activity.fill(CoreActivity::default());
@@ -215,6 +230,11 @@ impl Chip {
         report
     }
 
+    /// What watches the chip.
+    pub fn observer(&self) -> &O {
+        &self.observer
+    }
+
     /// Simulated time: cycles since the chip was made.
     pub fn now(&self) -> u64 {
         self.now
@@ -239,5 +259,15 @@ impl Chip {
         report.directory = std::mem::take(&mut self.uncore.counters);
         report.memory = std::mem::take(&mut self.uncore.memory.counters);
         report.atomics.barriers = 1;
+    }
+}
+
+impl<O: Observer> Timing for Chip<O> {
+    fn run_step(&mut self, tasks: &dyn TaskSource) -> Result<StepReport, Stuck> {
+        Chip::run_step(self, tasks)
+    }
+
+    fn activity(&self) -> &[CoreActivity] {
+        &self.activity
     }
 }

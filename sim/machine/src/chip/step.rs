@@ -7,6 +7,7 @@ use crate::scheduler::TaskCounter;
 use lrbsim_isa::program::TaskSource;
 use lrbsim_isa::stream::Stream;
 use std::collections::VecDeque;
+use std::ops::Range;
 
 /// Tasks that are recorded at once, where several host threads do it: a stream has up to about 64 K uops, a few hundred KiB.
 const RECORDED_AT_ONCE: u32 = 64;
@@ -51,15 +52,6 @@ impl<'a> Step<'a> {
         Step { source, counter, recorded: VecDeque::new(), spare, tally: Tally::default() }
     }
 
-    /// Records all tasks and times none.
-    pub(super) fn record_all(&mut self) {
-        let mut stream = self.spare.pop().unwrap_or_default();
-        for task in 0..self.source.tasks() {
-            self.tally.record(self.source, task, &mut stream);
-        }
-        self.spare.push(stream);
-    }
-
     /// Takes the buffers of streams that have been run.
     #[inline(always)]
     pub(super) fn take_back(&mut self, spent: &mut Vec<Stream>) {
@@ -68,8 +60,8 @@ impl<'a> Step<'a> {
         }
     }
 
-    /// The streams of the next chunk of tasks; none when the counter is at its end.
-    pub(super) fn next_chunk(&mut self, hands: &mut dyn Hands) -> Vec<Stream> {
+    /// The next chunk of tasks and their streams; none when the counter is at its end.
+    pub(super) fn next_chunk(&mut self, hands: &mut dyn Hands) -> (Range<u32>, Vec<Stream>) {
         let chunk = self.counter.take();
         let missing = chunk.len().saturating_sub(self.recorded.len()) as u32;
         if missing > 0 {
@@ -84,7 +76,8 @@ impl<'a> Step<'a> {
                 }
             }
         }
-        self.recorded.drain(..chunk.len()).collect()
+        let streams = self.recorded.drain(..chunk.len()).collect();
+        (chunk, streams)
     }
 
     /// Takes in streams of the tasks behind those recorded so far, in order.

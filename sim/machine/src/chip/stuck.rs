@@ -48,7 +48,12 @@ pub(super) struct Watch {
 impl Watch {
     /// A turn at `now`; the next thing happens at `next`, [`Cycle::MAX`] and the like when nothing will.
     #[inline(always)]
-    pub(super) fn look(&mut self, parts: &mut Parts<'_, '_>, now: Cycle, next: Cycle) -> Result<(), Stuck> {
+    pub(super) fn look<O>(
+        &mut self,
+        parts: &mut Parts<'_, '_, O>,
+        now: Cycle,
+        next: Cycle,
+    ) -> Result<(), Stuck> {
         self.turns += 1;
         if next < crate::when::When::NEVER.at() && self.turns < TURNS_MAX {
             return Ok(());
@@ -57,7 +62,12 @@ impl Watch {
     }
 
     #[cold]
-    fn look_closely(&mut self, parts: &mut Parts<'_, '_>, now: Cycle, next: Cycle) -> Result<(), Stuck> {
+    fn look_closely<O>(
+        &mut self,
+        parts: &mut Parts<'_, '_, O>,
+        now: Cycle,
+        next: Cycle,
+    ) -> Result<(), Stuck> {
         let mut moved = parts.uncore.counters.transactions;
         parts.cores.each_active(|core| moved += core.progress());
         let never = next >= crate::when::When::NEVER.at();
@@ -70,7 +80,7 @@ impl Watch {
 }
 
 /// Says who waits for whom.
-fn stuck(parts: &mut Parts<'_, '_>, now: Cycle) -> Stuck {
+fn stuck<O>(parts: &mut Parts<'_, '_, O>, now: Cycle) -> Stuck {
     let (mut waits, mut others) = (Vec::new(), 0);
     parts.cores.each_active(|core| {
         for (number, thread) in core.threads.iter().enumerate() {

@@ -12,9 +12,10 @@ use super::{Parts, Stuck};
 use crate::Cycle;
 use crate::cache::WINDOW_MAX;
 use crate::exchange::Message;
+use crate::observer::Observer;
 
 /// Runs a step that begins at `start`, whose threads have asked for their first tasks.
-pub(super) fn run(parts: &mut Parts<'_, '_>, start: Cycle) -> Result<(), Stuck> {
+pub(super) fn run<O: Observer>(parts: &mut Parts<'_, '_, O>, start: Cycle) -> Result<(), Stuck> {
     let window = parts.uncore.answer_cycles_min().clamp(1, WINDOW_MAX);
     let mut watch = Watch::default();
     serve(parts, start, start);
@@ -39,8 +40,8 @@ pub(super) fn run(parts: &mut Parts<'_, '_>, start: Cycle) -> Result<(), Stuck> 
 }
 
 /// Serves what the cores asked for in the window from `base` to `end`.
-fn serve(parts: &mut Parts<'_, '_>, base: Cycle, end: Cycle) {
-    let Parts { cores, tables, uncore, step, hands, order, pulls } = parts;
+fn serve<O: Observer>(parts: &mut Parts<'_, '_, O>, base: Cycle, end: Cycle) {
+    let Parts { observer, cores, tables, uncore, step, hands, order, pulls } = parts;
     // In the order of time, core and number.
     for index in 0..cores.active() {
         let core = cores.core(index);
@@ -66,8 +67,9 @@ fn serve(parts: &mut Parts<'_, '_>, base: Cycle, end: Cycle) {
 
     // Threads that asked in one cycle: the first of every core, then the second. None begins in a window that has passed.
     pulls.sort_unstable();
-    for (_, thread, core) in pulls.drain(..) {
-        let streams = step.next_chunk(*hands);
+    for (asked, thread, core) in pulls.drain(..) {
+        let (chunk, streams) = step.next_chunk(*hands);
+        observer.tasks(core, thread, chunk, asked, end);
         cores.core(core).tell(Message::Tasks { thread, streams, from: end });
     }
 }

@@ -25,7 +25,7 @@ enum Operation {
     PrefetchL2,
     /// Loads of another line, which throw this one out of the L1 but not of the L2.
     EvictL1,
-    /// The same for both.
+    /// Loads of other lines, which throw this one out of L1 and L2.
     EvictL2,
 }
 

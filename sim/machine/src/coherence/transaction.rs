@@ -17,11 +17,11 @@ use crate::when::When;
 pub(super) enum Leg {
     /// The request leaves its core.
     Depart,
-    /// It has arrived at its home.
+    /// The request has arrived at the home of its line.
     Home,
     /// The slice of the directory has taken it: it waits for earlier transactions on the line.
     Queue,
-    /// Its turn has come after it had to wait: the directory is looked up, and decides.
+    /// The turn of a transaction that had to wait has come: the directory is looked up, and decides.
     Decide,
     /// The home asks a peer to give up its copy, or to supply it.
     AskPeer { peer: u32, supplies: bool },
@@ -43,9 +43,9 @@ pub(super) enum Leg {
     Tell { from: u32, to: u32 },
     /// A modified line leaves a core for its controller.
     WriteBack { from: u32, line: u32 },
-    /// It has arrived there.
+    /// A modified line has arrived at its controller.
     Write { from: u32, line: u32 },
-    /// Its acknowledgement leaves the controller.
+    /// The acknowledgement of a line that was written leaves the controller.
     Acknowledge { to: u32, line: u32 },
     /// The requester knows that a line that was written back is safe.
     Written,

@@ -38,18 +38,18 @@ pub enum Others {
     Nobody,
     /// One or more have it in S.
     Share,
-    /// One has it in E or M.
+    /// One other core has the line in E or M.
     Own,
 }
 
 /// What happens to a copy.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Event {
-    /// Its core reads.
+    /// The core of the copy reads.
     Read(Others),
-    /// Its core writes a part of the line.
+    /// The core of the copy writes a part of the line.
     Write(Others),
-    /// Its core writes the whole line.
+    /// The core of the copy writes the whole line.
     Stream(Others),
     /// Another core reads and is served by this copy, or by this one among others.
     RemoteRead,
@@ -62,11 +62,11 @@ pub enum Event {
 /// Where the data come from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Source {
-    /// None are needed.
+    /// No data are needed.
     Nowhere,
     /// The memory controller.
     Memory,
-    /// Another core's copy.
+    /// The copy of another core.
     Peer,
 }
 

@@ -204,7 +204,7 @@ pub struct MemoryConfig {
     pub bandwidth_gb_per_s: f64,
     /// Idle latency of an access that opens a row, from arrival at the controller to the line leaving it, ns.
     pub latency_ns: f64,
-    /// The same when the row is open, ns.
+    /// Idle latency of an access whose row is open, from arrival at the controller to the line leaving it, ns.
     pub row_hit_latency_ns: f64,
     /// Least time between two row openings in one bank, ns.
     pub row_cycle_ns: f64,
@@ -233,7 +233,7 @@ pub struct EccConfig {
     pub enabled: bool,
     /// Part of a line's time that a read takes more.
     pub read_overhead: f64,
-    /// The same for a write, whose check bits cover more than its line and have to be read first.
+    /// Part of a line's time that a write takes more, whose check bits cover more than its line and have to be read first.
     pub write_overhead: f64,
 }
 

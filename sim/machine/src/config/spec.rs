@@ -163,7 +163,7 @@ pub struct MemorySpec {
     pub row_hit_cycles: Cycle,
     /// For how long a read that opens a row keeps its bank.
     pub row_cycle_cycles: Cycle,
-    /// The same for a write.
+    /// For how long a write that opens a row keeps its bank.
     pub write_row_cycle_cycles: Cycle,
     /// Line times that a channel loses when it changes direction.
     pub turnaround_lines: u32,

@@ -121,11 +121,3 @@ fn unknown_fields_are_refused() {
     let error = serde_json::from_str::<MachineConfig>(&text).expect_err("unknown field");
     assert!(error.to_string().contains("colour"), "{error}");
 }
-
-#[test]
-fn levels_that_are_not_built_say_so() {
-    use crate::fidelity::{Fidelity, FidelityError};
-    assert_eq!("windowed".parse(), Ok(Fidelity::Windowed));
-    assert!(matches!("sampled:0.1".parse::<Fidelity>(), Err(FidelityError::NotBuilt(_))));
-    assert!(matches!("exact".parse::<Fidelity>(), Err(FidelityError::Unknown(_))));
-}

@@ -17,11 +17,11 @@ pub(super) enum Kind {
     Access(Intent),
     /// Touches up to 16 lines at the configured rate.
     Gather(Intent),
-    /// Brings lines near and waits for nothing.
+    /// Brings lines into the L1, and waits for nothing.
     PrefetchL1,
-    /// The same, into L2 only.
+    /// Brings lines into the L2 only, and waits for nothing.
     PrefetchL2,
-    /// The same, up to 16 lines into L1.
+    /// Brings up to 16 lines into the L1, and waits for nothing.
     GatherPrefetch,
     /// A locked operation.
     Atomic,
@@ -105,7 +105,7 @@ impl Row {
         Row((bytes as u64) << 32 | latency.bits())
     }
 
-    /// Of the result of a computation, or of an access to one line that hits the L1.
+    /// The latency of the result of a computation, or of an access to one line that hits the L1.
     #[inline(always)]
     pub(super) fn latency(self) -> Span {
         Span::from_bits(self.0 & 0xffff_ffff)

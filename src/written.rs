@@ -12,21 +12,21 @@ use serde_json::Value;
 use crate::error::BadInput;
 use crate::json;
 
-/// Results in a folder.
+/// The results of a run or of a study, as their file has them.
 #[derive(Debug, Clone)]
-pub enum Outcome {
-    /// Of one run.
+pub enum Results {
+    /// The results of one run.
     Run(Box<RunReport>),
-    /// Of a study.
+    /// The results of a study.
     Study(Box<StudyReport>),
 }
 
-/// Results, and the folder where they lie.
+/// Results that were written, and the folder where they lie.
 #[derive(Debug, Clone)]
 pub struct Written {
-    /// What they say.
-    pub outcome: Outcome,
-    /// Where other files of theirs are.
+    /// The results themselves.
+    pub results: Results,
+    /// The folder where the other files of the results are.
     pub folder: PathBuf,
 }
 
@@ -62,12 +62,12 @@ impl Written {
         let shown = file.display().to_string();
         // Which of the two it is, its fields tell.
         let tree: Value = json::read(&shown, &text)?;
-        let outcome = if tree.get("points").is_some() {
-            Outcome::Study(Box::new(read_versioned(&shown, &text)?))
+        let results = if tree.get("points").is_some() {
+            Results::Study(Box::new(read_versioned(&shown, &text)?))
         } else {
-            Outcome::Run(Box::new(read_versioned(&shown, &text)?))
+            Results::Run(Box::new(read_versioned(&shown, &text)?))
         };
-        Ok(Written { outcome, folder: file.parent().unwrap_or(Path::new("")).to_owned() })
+        Ok(Written { results, folder: file.parent().unwrap_or(Path::new("")).to_owned() })
     }
 }
 
@@ -122,21 +122,21 @@ fn replaced<T: DeserializeOwned>(
 pub struct Changes {
     /// The whole: of a study, the sum over the points that both have.
     pub whole: Comparison,
-    /// Of studies: values of each point that both have, and what changed there.
+    /// Of two studies, the values of each point that both have, and what changed there.
     pub points: Vec<(Vec<Value>, Comparison)>,
-    /// Of studies: points that only one has, or that failed in one.
+    /// Of two studies, how many points only one has, or failed in one.
     pub unmatched: usize,
 }
 
 impl Changes {
     /// Compares two results of a kind.
     pub fn between(a: &Written, b: &Written) -> Result<Changes, BadInput> {
-        match (&a.outcome, &b.outcome) {
-            (Outcome::Run(run_a), Outcome::Run(run_b)) => {
+        match (&a.results, &b.results) {
+            (Results::Run(run_a), Results::Run(run_b)) => {
                 let picture = picture_between(run_a, run_b, Some((&a.folder, &b.folder)));
                 Ok(Changes { whole: compare(run_a, run_b, picture), points: Vec::new(), unmatched: 0 })
             }
-            (Outcome::Study(a), Outcome::Study(b)) => of_studies(a, b),
+            (Results::Study(a), Results::Study(b)) => of_studies(a, b),
             _ => Err(BadInput::new("one is a run and the other a study").with_help("compare two of a kind")),
         }
     }
