@@ -16,15 +16,16 @@ pub struct Columns<R> {
 }
 
 impl<R> Columns<R> {
-    /// Allocates columns of `count` records. A vector load of the last element stays inside.
-    pub fn new(arena: &mut Arena, count: u32) -> Columns<R> {
+    /// Allocates columns of `count` records that somebody writes before anybody reads them. A vector load of the last
+    /// element stays inside.
+    pub fn overwritten(arena: &mut Arena, count: u32) -> Columns<R> {
         Columns::with_stride(arena, (count + 16).next_multiple_of(16))
     }
 
-    /// Allocates columns of `stride` records, without room behind.
+    /// Allocates columns of `stride` records, as [`Columns::overwritten`] but without room behind.
     pub fn with_stride(arena: &mut Arena, stride: u32) -> Columns<R> {
         let words = u64::from(words::<R>()) * u64::from(stride);
-        Columns { base: arena.alloc(words), stride, record: PhantomData }
+        Columns { base: arena.overwritten(words), stride, record: PhantomData }
     }
 
     /// Where the column of `field` begins, for a field of several words that of the first.

@@ -7,6 +7,7 @@
 //! scene.rs     the geometry of a frame in the arena
 //! light.rs, segment.rs, plane.rs   the geometry of one receiver, one edge, one triangle
 //! scan.rs      prefix sums
+//! clear.rs     arrays that begin as zero
 //! record.rs, columns.rs, expression.rs   how a kernel writes where things lie, and arithmetic on that
 //! ```
 
@@ -16,6 +17,7 @@ pub mod columns;
 pub mod plane;
 pub mod light;
 pub mod segment;
+pub mod clear;
 pub mod scan;
 pub mod scene;
 pub mod irregular;

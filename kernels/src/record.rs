@@ -82,9 +82,14 @@ pub struct Records<R> {
 }
 
 impl<R> Records<R> {
-    /// Allocates room for `count` records.
-    pub fn new(arena: &mut Arena, count: u64) -> Records<R> {
-        Records { base: arena.alloc(count * u64::from(words::<R>())), record: PhantomData }
+    /// Allocates `count` records that somebody writes before anybody reads them.
+    pub fn overwritten(arena: &mut Arena, count: u64) -> Records<R> {
+        Records::from_base(arena.overwritten(count * u64::from(words::<R>())))
+    }
+
+    /// The records that begin at `base`.
+    pub const fn from_base(base: Addr) -> Records<R> {
+        Records { base, record: PhantomData }
     }
 
     /// Where `field` of record 0 lies: the base of accesses whose index is `words::<R>()` times the number of a record.

@@ -25,16 +25,17 @@ pub struct Scan {
     blocks: u32,
 }
 
-/// Words to allocate for an array of `count` words that is to be scanned: whole blocks, and room for the total.
+/// Words to allocate for an array of `count` words that is to be scanned: whole blocks, and room for the total. What the
+/// surplus holds does not matter.
 pub fn padded(count: u64) -> u64 {
     (count + 1).next_multiple_of(u64::from(BLOCK))
 }
 
 impl Scan {
-    /// Prepares the scan of `count` words at `words`, an array of [`padded`] words whose surplus is 0.
+    /// Prepares the scan of `count` words at `words`, an array of [`padded`] words.
     pub fn new(arena: &mut Arena, words: Addr, count: u64) -> Scan {
         let blocks = (padded(count) / u64::from(BLOCK)) as u32;
-        Scan { words, totals: arena.alloc(padded(u64::from(blocks))), blocks }
+        Scan { words, totals: arena.overwritten(padded(u64::from(blocks))), blocks }
     }
 
     /// Scans the array: word `i` becomes the sum of the words before it.
@@ -83,11 +84,7 @@ impl Kernel for ScanBlock {
         let mut i = start;
         while v.branch(Compare::Less, i, end) {
             let words = v.vload_i32(self.words, i);
-            // Inclusive sums by doubling: lane i adds lane i - 1, - 2, - 4, - 8.
-            let sums = add_from(v, words, lane, 1, zero);
-            let sums = add_from(v, sums, lane, 2, zero);
-            let sums = add_from(v, sums, lane, 4, zero);
-            let sums = add_from(v, sums, lane, 8, zero);
+            let sums = running_sums(v, words, lane, zero);
             let inclusive = int!(v, sums + carry);
             let exclusive = int!(v, inclusive - words);
             v.vstore_i32(all, self.words, i, exclusive);
@@ -97,6 +94,16 @@ impl Kernel for ScanBlock {
         let total = v.vextract(carry, 0);
         v.s_store(self.totals, task, total);
     }
+}
+
+/// Sums of each lane of `words` and those below it. `lane`: numbers of the lanes; `zero`: 0 in each.
+#[inline(always)]
+pub(crate) fn running_sums<V: Vpu>(v: &mut V, words: V::I32, lane: V::I32, zero: V::I32) -> V::I32 {
+    // By doubling: lane i adds lane i - 1, - 2, - 4, - 8.
+    let sums = add_from(v, words, lane, 1, zero);
+    let sums = add_from(v, sums, lane, 2, zero);
+    let sums = add_from(v, sums, lane, 4, zero);
+    add_from(v, sums, lane, 8, zero)
 }
 
 /// Adds to each lane of `sums` the one `distance` lanes before it, if there is one.
@@ -142,7 +149,7 @@ mod tests {
         for count in [0u64, 1, 15, 16, 1023, 1024, 5000, 40_000] {
             let mut arena = Arena::new();
             let values: Vec<u32> = (0..count as u32).map(|i| i.wrapping_mul(2_654_435_761) >> 28).collect();
-            let words = arena.alloc(padded(count));
+            let words = arena.overwritten(padded(count));
             arena.write_u32s(words, &values);
             let scan = Scan::new(&mut arena, words, count);
             let mut run_step = |_: &Phase, step: &Step, arena: &mut Arena| {

@@ -56,25 +56,26 @@ impl Scene {
         let triangle_count = count_of(&input.triangles);
         let edge_count = count_of(&input.edges);
 
-        let vertices: Columns<Vertex> = Columns::new(arena, count_of(&input.vertices));
+        let vertices: Columns<Vertex> = Columns::overwritten(arena, count_of(&input.vertices));
         for axis in 0..3 {
             let values = input.vertices.iter().map(|p| p[axis].to_bits());
             fill(arena, vertices.column(field!(Vertex.position[axis])), values);
         }
-        let triangles: Columns<Triangle> = Columns::new(arena, triangle_count.next_multiple_of(CHILDREN));
+        let triangles: Columns<Triangle> =
+            Columns::overwritten(arena, triangle_count.next_multiple_of(CHILDREN));
         for corner in 0..3 {
             let values = input.triangles.iter().map(|t| t[corner]);
             fill(arena, triangles.column(field!(Triangle.corners[corner])), values);
         }
         let layers = input.counting.iter().map(|&rule| layers(rule));
         fill(arena, triangles.column(field!(Triangle.layers)), layers);
-        let edges: Columns<Edge> = Columns::new(arena, edge_count);
+        let edges: Columns<Edge> = Columns::overwritten(arena, edge_count);
         for end in 0..2 {
             fill(arena, edges.column(field!(Edge.ends[end])), input.edges.iter().map(|e| e[end]));
         }
-        let edge_first = arena.alloc(u64::from(edge_count) + 17);
+        let edge_first = arena.overwritten(u64::from(edge_count) + 17);
         fill(arena, edge_first, input.edge_first.iter().copied());
-        let edge_faces = arena.alloc(input.edge_faces.len() as u64);
+        let edge_faces = arena.overwritten(input.edge_faces.len() as u64);
         fill(arena, edge_faces, input.edge_faces.iter().copied());
         Scene { vertices, triangles, triangle_count, edges, edge_count, edge_first, edge_faces }
     }

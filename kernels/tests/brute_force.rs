@@ -4,6 +4,9 @@ mod common;
 
 use common::{On, Random, Run, input, shipped};
 use lrbsim_isa::HostSimd;
+use lrbsim_kernels::field;
+use lrbsim_kernels::irregular::faces::FaceParameters;
+use lrbsim_kernels::record::Field;
 use lrbsim_workloads::glam::DVec3;
 use lrbsim_workloads::{Light, Mesh, ShadowInput};
 
@@ -221,15 +224,19 @@ fn receivers_on_the_borders_of_cells_are_the_same() {
     let mut input = input(mesh, sphere(0.05), &receivers);
     let run = agree("before", &input);
     // Move three of four receivers to where cells meet, all on one depth that is a power of two.
-    let grid = run.arrays.grid.faces.grids()[0];
+    let parameters = run.arrays.grid.faces.parameters;
+    let read = |field: Field<FaceParameters, f32>| run.arena.read_f32(parameters.host(4, field));
+    let origin = [0, 1].map(|axis| read(field!(FaceParameters.origin[axis])));
+    let cell = [0, 1].map(|axis| 1.0 / read(field!(FaceParameters.per_cell[axis])));
+    let last_cell = [0, 1].map(|axis| read(field!(FaceParameters.last_cell[axis])));
     for (i, p) in input.receivers.iter_mut().enumerate() {
         let old = *p;
         *p = [0.5 * old[0] / old[2], 0.5 * old[1] / old[2], 0.5];
         if i % 4 != 0 {
             let border = |axis: usize| {
-                let cell = ((p[axis] / 0.5 - grid.origin[axis]) / grid.cell[axis]).round();
-                let inner = cell.clamp(1.0, (16 * grid.bins[axis] - 1) as f32);
-                0.5 * (grid.origin[axis] + grid.cell[axis] * inner)
+                let number = ((p[axis] / 0.5 - origin[axis]) / cell[axis]).round();
+                let inner = number.clamp(1.0, last_cell[axis]);
+                0.5 * (origin[axis] + cell[axis] * inner)
             };
             let on = [border(0), border(1)];
             match i % 3 {
@@ -279,6 +286,7 @@ fn nothing_depends_on_the_scale() {
         for scale in [1.0 / 1024.0_f32, 1024.0] {
             let mut scaled = plain.clone();
             scaled.light_radius *= scale;
+            scaled.largest *= scale;
             scaled.vertices.iter_mut().chain(&mut scaled.receivers).flatten().for_each(|x| *x *= scale);
             let other = agree(&format!("scale {scale}, seed {seed}"), &scaled);
             assert_eq!(run.visibility(), other.visibility(), "scale {scale}, seed {seed}");

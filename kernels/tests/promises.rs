@@ -43,7 +43,7 @@ impl<const IN: usize, F: Lanewise<IN, 1>> Kernel for Once<F, IN> {
 /// Cost of `function` for the same values in every lane.
 fn cost_of<const IN: usize, F: Lanewise<IN, 1>>(function: F, x: [f32; IN]) -> u64 {
     let mut arena = Arena::new();
-    let from: Columns<[f32; IN]> = Columns::new(&mut arena, 16);
+    let from: Columns<[f32; IN]> = Columns::overwritten(&mut arena, 16);
     for (c, x) in x.iter().enumerate() {
         for lane in 0..16 {
             arena.write_u32(from.host(lane, Field::whole().at(c)), x.to_bits());
@@ -92,8 +92,9 @@ fn a_hidden_test_costs_what_its_doc_says() {
     // All normals along x: points at x > 0 are left of all three edges, those at x < 0 right.
     let cost_at = |x: f32| {
         let mut arena = Arena::new();
-        let from: Columns<[f32; 3]> = Columns::new(&mut arena, 16);
-        let record = Records::new(&mut arena, 1);
+        arena.poison_with(0);
+        let from: Columns<[f32; 3]> = Columns::overwritten(&mut arena, 16);
+        let record = Records::overwritten(&mut arena, 1);
         for edge in 0..3 {
             let normal = field!(TriangleRecord.edge_normals[edge][0]);
             arena.write_u32(record.field(normal), 1.0_f32.to_bits());
@@ -136,12 +137,13 @@ impl Lanewise<3, 1> for AddEdge {
 fn an_edge_costs_what_its_doc_says() {
     let cost_of_edge = |y: f32| {
         let mut arena = Arena::new();
-        let from: Columns<[f32; 3]> = Columns::new(&mut arena, 16);
+        arena.poison_with(0);
+        let from: Columns<[f32; 3]> = Columns::overwritten(&mut arena, 16);
         for lane in 0..16 {
             arena.write_u32(from.host(lane, Field::whole().at(2)), 2.0_f32.to_bits());
         }
         let ends = [-1.0, y, 1.0, 1.0, y, 1.0].map(f32::to_bits);
-        let edges: Records<EdgeRecord> = Records::new(&mut arena, 1);
+        let edges: Records<EdgeRecord> = Records::overwritten(&mut arena, 1);
         arena.write_u32s(edges.field(field!(EdgeRecord.ends)), &ends);
         let mut run = |add| cost(Once { function: Some(AddEdge { edges, add }), from }, &mut arena);
         run(true) - run(false)

@@ -50,7 +50,7 @@ impl Atomic {
         };
         let few = short(OPERATIONS, 1);
         let all = 2 * few + OPERATIONS;
-        let base = arena.alloc(u64::from(all) * 16);
+        let base = arena.overwritten(u64::from(all) * 16);
         // Of remote lines each pass has its own.
         let mut operate = |name, threads: Threads, operation, first: u32, operations: u32| {
             let placement = threads.place(&mut arena, cores, |_| first * stride as u32);

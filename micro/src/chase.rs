@@ -97,7 +97,7 @@ impl Order {
     fn link(self, arena: &mut Arena) -> Addr {
         let words = self.words();
         let base = align(arena, 1 << 21);
-        arena.alloc(words.iter().max().map_or(0, |last| u64::from(*last) + 16));
+        arena.overwritten(words.iter().max().map_or(0, |last| u64::from(*last) + 16));
         for (word, next) in words.iter().zip(words.iter().cycle().skip(1)) {
             arena.write_u32(base.plus(4 * u64::from(*word)), *next);
         }

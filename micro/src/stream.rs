@@ -153,7 +153,7 @@ impl Stream {
         let mut bases = [Addr(0); 3];
         for base in &mut bases[..self.reads as usize + usize::from(writes)] {
             *base = align(&mut arena, 4096);
-            arena.alloc(words);
+            arena.overwritten(words);
         }
         let mut placement_from =
             |line: u32| self.threads.place(&mut arena, cores, |rank| rank * part_words + line * LINE_WORDS);

@@ -18,6 +18,8 @@ pub struct ShadowInput {
     pub height: u32,
     /// A coordinate of 1 is `2^scale_log2` world units.
     pub scale_log2: i32,
+    /// Largest |coordinate| of vertices and receivers, in [0.5, 1]; 0 where all lie in the light.
+    pub largest: f32,
     /// Radius of the light in scaled units; 0 for a point light.
     pub light_radius: f32,
     /// Unit normal of a light that does not turn; `None`: the disc faces each receiver.
@@ -73,6 +75,7 @@ impl ShadowInput {
             width: eye.width,
             height: eye.height,
             scale_log2,
+            largest: libm::scalbn(largest, -scale_log2) as f32,
             light_radius: radius,
             light_normal: scene.light.disc_normal().map(|n| n.as_vec3().to_array()),
             vertices: mesh.positions.iter().map(|&p| scaled(p)).collect(),

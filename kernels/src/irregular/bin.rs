@@ -6,11 +6,12 @@
 
 use lrbsim_isa::{Addr, Compare, Kernel, Runner, Step, Stopped, Vpu};
 
-use super::CHILDREN;
+use super::FACES;
 use super::grid::Grid;
 use super::lists::Lists;
 use super::primitives::{BACK, EdgeRecord, FACES_SHIFT, FRONT, Kind, Primitives, TriangleRecord};
 use super::touch::{Edge, FaceFrame, Touch, Triangle};
+use crate::clear;
 use crate::columns::{lanes_below, take_lane, task_range};
 use crate::expression::scalar;
 use crate::field;
@@ -33,12 +34,13 @@ impl Bins {
     pub fn build(primitives: &Primitives, grid: &Grid, runner: &mut Runner<'_>) -> Result<Bins, Stopped> {
         let tasks = task_counts(primitives).iter().sum();
         let bin_count = grid.faces.bin_count;
-        let lists = Lists::new(runner.arena, 2 * bin_count, tasks, bin_count);
+        let [starts] = clear::zeroed(runner, [Lists::start_words(2 * bin_count)])?;
+        let lists = Lists::new(runner.arena, starts, 2 * bin_count, tasks, bin_count);
         let bin = |items| Bin { lists, items, primitives: *primitives, grid: *grid };
         runner.run(&Step::ordered("bin counts", tasks, bin(None)))?;
 
         let items = lists.sum(runner)?;
-        let items = runner.arena.alloc(u64::from(items));
+        let items = runner.arena.overwritten(u64::from(items));
         // SAFETY: each task writes its own table, and items to places that it has taken in `bin counts`.
         runner.run(&unsafe { Step::independent("bin lists", tasks, bin(Some(items))) })?;
         Ok(Bins { lists, items })
@@ -63,8 +65,12 @@ impl Kernel for Bin {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
         let primitives = &self.primitives;
+        let seen = self.grid.faces.seen(v);
         let triangle_tasks = v.s_imm(task_counts(primitives)[Kind::Triangles as usize] as i32);
         let table = self.lists.table(v, task);
+        if self.items.is_none() {
+            self.lists.clear_table(v, table);
+        }
         let kind = if v.branch(Compare::Less, task, triangle_tasks) {
             let (mut i, end) = task_range(v, task, TASK, primitives.triangle_count);
             let none = v.s_imm(0);
@@ -73,7 +79,7 @@ impl Kernel for Bin {
                 let flags = triangle.scalar(v, field!(TriangleRecord.flags[0]));
                 let layers = scalar!(v, flags & { FRONT | BACK });
                 if v.branch(Compare::NotEqual, layers, none) {
-                    let faces = scalar!(v, flags >> { FACES_SHIFT });
+                    let faces = scalar!(v, (flags >> { FACES_SHIFT }) & seen);
                     self.descend::<V, Triangle<V>>(v, triangle, faces, i, table, Kind::Triangles);
                 }
                 i = scalar!(v, i + 1);
@@ -85,6 +91,7 @@ impl Kernel for Bin {
             while v.branch(Compare::Less, i, end) {
                 let edge = primitives.edges.record(v, i);
                 let faces = edge.scalar(v, field!(EdgeRecord.faces));
+                let faces = scalar!(v, faces & seen);
                 self.descend::<V, Edge<V>>(v, edge, faces, i, table, Kind::Edges);
                 i = scalar!(v, i + 1);
             }
@@ -106,6 +113,8 @@ impl Bin {
 
     /// Adds primitive `number`, whose record is given, to the bins of `faces` (a bit each) that it touches. The task's table
     /// begins at `table`.
+    ///
+    /// The code of each face knows its axes and nothing else of it.
     #[inline(always)]
     fn descend<V: Vpu, P: Touch<V>>(
         &self,
@@ -119,14 +128,13 @@ impl Bin {
         let Bin { lists, items, .. } = self;
         let nodes = &self.grid.nodes;
         let none = v.s_imm(0);
-        for grid in self.grid.faces.grids() {
-            let here = scalar!(v, faces & { 1 << grid.face });
+        for face in 0..FACES {
+            let here = scalar!(v, faces & { 1 << face });
             if v.branch(Compare::Equal, here, none) {
                 continue;
             }
-            let primitive = P::set_up(v, &self.primitives.light, FaceFrame::new(grid), record);
-            let mut group = v.s_imm((grid.first_bin / CHILDREN) as i32);
-            let end = v.s_imm(((grid.first_bin + grid.bins_padded()) / CHILDREN) as i32);
+            let primitive = P::set_up(v, &self.grid.faces, FaceFrame::new(face), record);
+            let [mut group, end] = self.grid.faces.groups(v, face);
             while v.branch(Compare::Less, group, end) {
                 let (touched, _) = primitive.touch(v, nodes.groups, group);
                 let own = lanes_below(v, group, end);

@@ -1,8 +1,13 @@
 //! Bounds of the receivers on the image plane of each face: of each task's receivers, then of all.
+//!
+//! ```text
+//! receiver bounds   each task: bounds of its own receivers, lane by lane, then by face
+//! face bounds       each task: bounds of one face, from those of all tasks
+//! ```
 
 #![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
 
-use lrbsim_isa::{Arena, Compare, Kernel, Runner, Step, Stopped, Vpu, math};
+use lrbsim_isa::{Compare, Kernel, Runner, Step, Stopped, Vpu, math};
 
 use super::faces::{Constants, load_positions, project};
 use super::receivers::Receivers;
@@ -20,9 +25,9 @@ const BOUNDS: usize = 6;
 #[repr(C, align(64))]
 pub(super) struct FaceBounds {
     /// Least x, -x, y, -y, depth, -depth.
-    least: [f32; BOUNDS],
-    /// Number of receivers; where it is 0 there are no bounds.
-    count: u32,
+    pub(super) least: [f32; BOUNDS],
+    /// Number of receivers; where it is 0 nobody has written bounds.
+    pub(super) count: i32,
 }
 
 /// Bounds of 16 receivers a face, lane by lane: where a task works.
@@ -34,25 +39,12 @@ struct LaneBounds {
 /// Line bounds of faces that a task of `face bounds` asks for ahead.
 const AHEAD: u64 = 8;
 
-/// What the host reads of a face's bounds.
-pub(super) struct Extent {
-    /// Number of receivers.
-    pub(super) count: u32,
-    /// Least x, y and depth.
-    pub(super) low: [f32; 3],
-    /// Greatest x, y and depth.
-    pub(super) high: [f32; 3],
-}
-
-/// The bounds of all receivers by face; `None` for a face that sees none.
-pub(super) fn find(
-    receivers: &Receivers,
-    runner: &mut Runner<'_>,
-) -> Result<[Option<Extent>; FACES as usize], Stopped> {
+/// Finds the bounds of all receivers, by face.
+pub(super) fn find(receivers: &Receivers, runner: &mut Runner<'_>) -> Result<Records<FaceBounds>, Stopped> {
     let tasks = receivers.tasks();
-    let of_lanes = Records::new(runner.arena, u64::from(tasks));
-    let of_tasks = Records::new(runner.arena, u64::from(FACES * tasks));
-    let of_faces = Records::new(runner.arena, u64::from(FACES));
+    let of_lanes = Records::overwritten(runner.arena, u64::from(tasks));
+    let of_tasks = Records::overwritten(runner.arena, u64::from(FACES * tasks));
+    let of_faces = Records::overwritten(runner.arena, u64::from(FACES));
     // SAFETY: each task writes its own table of lanes and, of each face, its own line.
     runner.run(&unsafe {
         Step::independent("receiver bounds", tasks, TaskBounds { receivers: *receivers, of_lanes, of_tasks })
@@ -60,20 +52,7 @@ pub(super) fn find(
     // SAFETY: each task writes the line of its own face, and reads the bounds of tasks only.
     runner
         .run(&unsafe { Step::independent("face bounds", FACES, AllBounds { tasks, of_tasks, of_faces }) })?;
-    Ok([0, 1, 2, 3, 4, 5].map(|face| Extent::read(runner.arena, of_faces, face)))
-}
-
-impl Extent {
-    /// The bounds that stand in record `face`; `None` if they are of no receiver.
-    fn read(arena: &Arena, of_faces: Records<FaceBounds>, face: u32) -> Option<Extent> {
-        let count = arena.read_u32(of_faces.host(face, field!(FaceBounds.count)));
-        let least = |bound: usize| arena.read_f32(of_faces.host(face, field!(FaceBounds.least[bound])));
-        (count > 0).then(|| Extent {
-            count,
-            low: [least(0), least(2), least(4)],
-            high: [-least(1), -least(3), -least(5)],
-        })
-    }
+    Ok(of_faces)
 }
 
 /// Finds the bounds of the receivers of each task, by face.
@@ -127,10 +106,11 @@ impl Kernel for TaskBounds {
         // The least of 16 lanes, one line a face.
         let to = scalar!(v, task * { words::<FaceBounds>() as i32 });
         for (f, count) in counts.into_iter().enumerate() {
+            let of_task = self.of_tasks.host(f as u32 * self.receivers.tasks(), field!(FaceBounds.least));
+            v.s_store(of_task.plus(field!(FaceBounds.count).offset_bytes()), to, count);
             if !v.branch(Compare::Less, none, count) {
                 continue;
             }
-            let of_task = self.of_tasks.host(f as u32 * self.receivers.tasks(), field!(FaceBounds.least));
             for bound in 0..BOUNDS {
                 let least = v.vload_f32(of_lanes(f, bound), table);
                 let least = math::reduce_min(v, least);
@@ -138,7 +118,6 @@ impl Kernel for TaskBounds {
                 let lane = v.kmov_from_scalar(bit);
                 v.vstore_f32(lane, of_task, to, least);
             }
-            v.s_store(of_task.plus(field!(FaceBounds.count).offset_bytes()), to, count);
         }
     }
 }

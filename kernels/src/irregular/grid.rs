@@ -3,7 +3,7 @@
 //! [johnson09, §2.2].
 //!
 //! ```text
-//! bounds ─► (host: size of each face's grid) ─► histogram ─► scan ─► scatter ─► nodes: cells ─► bins ─► groups
+//! bounds ─► faces: grids ─► bin places ─► histogram ─► scan ─► scatter ─► nodes: cells ─► bins ─► groups
 //! ```
 
 #![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
@@ -14,8 +14,10 @@ use super::SLICES;
 use super::bounds;
 use super::faces::Faces;
 use super::nodes::Nodes;
+use super::primitives::LightConstants;
 use super::receivers::Receivers;
 use super::streaks::{Histogram, Scatter, Streaks};
+use crate::clear;
 use crate::columns::Columns;
 use crate::expression::scalar;
 use crate::scan::{self, Scan};
@@ -47,20 +49,24 @@ pub struct Grid {
 
 impl Grid {
     /// Puts the receivers into cells: sizes the grids by their bounds, counts the receivers of each key, and moves them to
-    /// their places.
-    pub fn build(receivers: Receivers, runner: &mut Runner<'_>) -> Result<Grid, Stopped> {
+    /// their places. `light` bounds the penumbras that will be looked for.
+    pub fn build(
+        receivers: Receivers,
+        light: &LightConstants,
+        runner: &mut Runner<'_>,
+    ) -> Result<Grid, Stopped> {
         let bounds = bounds::find(&receivers, runner)?;
-        let faces = Faces::new(runner.arena, &bounds);
+        let faces = Faces::build(light, bounds, runner)?;
 
         let keys = u64::from(faces.cell_count() * SLICES);
-        let key_starts = runner.arena.alloc(scan::padded(keys));
+        let [key_starts] = clear::zeroed(runner, [scan::padded(keys)])?;
         let scan = Scan::new(runner.arena, key_starts, keys);
         let streaks = Streaks::new(runner.arena, &receivers);
         let histogram = Histogram { receivers, faces, streaks, key_starts };
         runner.run(&Step::ordered("histogram", receivers.tasks(), histogram))?;
         scan.run(runner)?;
 
-        let samples = Columns::new(runner.arena, receivers.count);
+        let samples = Columns::overwritten(runner.arena, receivers.count);
         let scatter = Scatter { receivers, streaks, key_starts, samples };
         // SAFETY: each task writes the offsets of its own streaks; every receiver has a place of its own among the samples.
         runner.run(&unsafe { Step::independent("scatter", receivers.tasks(), scatter) })?;

@@ -6,6 +6,7 @@
 
 use lrbsim_isa::{Addr, Arena, Compare, Runner, Stopped, Vpu};
 
+use crate::clear::clear_lines;
 use crate::expression::{int, scalar};
 use crate::scan::{self, Scan};
 
@@ -25,13 +26,16 @@ pub struct Lists {
 }
 
 impl Lists {
-    /// Room for `lists` lists and for the tables of `tasks` tasks, which add to at most `words` of them each, a multiple
-    /// of 16.
-    pub fn new(arena: &mut Arena, lists: u32, tasks: u32, words: u32) -> Lists {
-        let count = u64::from(lists);
-        let starts = arena.alloc(scan::padded(count));
-        let scan = Scan::new(arena, starts, count);
-        let tables = arena.alloc(u64::from(tasks) * u64::from(words));
+    /// Words of the `starts` of `lists` lists.
+    pub fn start_words(lists: u32) -> u64 {
+        scan::padded(u64::from(lists))
+    }
+
+    /// Room for the tables of `tasks` tasks, which add to at most `words` of `lists` lists each, a multiple of 16. `starts` is
+    /// zero, and of [`Lists::start_words`] words.
+    pub fn new(arena: &mut Arena, starts: Addr, lists: u32, tasks: u32, words: u32) -> Lists {
+        let scan = Scan::new(arena, starts, u64::from(lists));
+        let tables = arena.overwritten(u64::from(tasks) * u64::from(words));
         Lists { starts, count: lists, scan, tables, words }
     }
 
@@ -45,6 +49,13 @@ impl Lists {
     #[inline(always)]
     pub fn table<V: Vpu>(&self, v: &mut V, task: V::S32) -> V::S32 {
         scalar!(v, task * { self.words as i32 })
+    }
+
+    /// Clears the table that begins at `at`, before the task counts in it.
+    #[inline(always)]
+    pub fn clear_table<V: Vpu>(&self, v: &mut V, at: V::S32) {
+        let end = scalar!(v, at + { self.words as i32 });
+        clear_lines(v, self.tables, at, end);
     }
 
     /// Adds an item to those of 16 lists that are in `live`, at words `at..` of the task's table; how many items the task put

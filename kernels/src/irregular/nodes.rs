@@ -7,6 +7,7 @@ use lrbsim_isa::{Addr, Compare, Kernel, Runner, Step, Stopped, Vpu, math};
 use super::faces::{BinPlace, FaceParameters, Faces};
 use super::grid::{Sample, cell_starts, depths_of_face};
 use super::{CHILDREN, FAR};
+use crate::clear::clear_lines;
 use crate::columns::{Columns, lanes_below, task_range};
 use crate::expression::{each, int, scalar};
 use crate::field;
@@ -54,10 +55,10 @@ impl Nodes {
     ) -> Result<Nodes, Stopped> {
         let group_count = faces.bin_count / CHILDREN;
         let nodes = Nodes {
-            cells: Columns::new(runner.arena, faces.cell_count()),
-            blocks: Columns::new(runner.arena, faces.block_count()),
-            bins: Columns::new(runner.arena, faces.bin_count),
-            groups: Columns::new(runner.arena, group_count.next_multiple_of(16) + 16),
+            cells: Columns::overwritten(runner.arena, faces.cell_count()),
+            blocks: Columns::overwritten(runner.arena, faces.block_count()),
+            bins: Columns::overwritten(runner.arena, faces.bin_count),
+            groups: Columns::overwritten(runner.arena, group_count.next_multiple_of(16) + 16),
         };
         let cells = Cells { faces: *faces, key_starts, samples, cells: nodes.cells };
         // SAFETY: each task writes the cells of its own blocks.
@@ -124,8 +125,11 @@ impl Kernel for Cells {
         let end_key = scalar!(v, end << 6);
         let samples_first = v.s_load(*key_starts, first_key);
         let samples_end = v.s_load(*key_starts, end_key);
-        // Memory holds 0 where there is nothing: no depth.
+        // Where there is nothing there is no depth, and nobody asks for a rectangle.
         if v.branch(Compare::Equal, samples_first, samples_end) {
+            let first_cell = scalar!(v, block << 4);
+            let end_cell = scalar!(v, end << 4);
+            clear_lines(v, cells.column(field!(Node.depth)), first_cell, end_cell);
             return;
         }
 

@@ -6,7 +6,7 @@ use crate::light::Disc;
 use crate::record::Records;
 
 /// Rounding of positions about a receiver, relative to the largest coordinate of receivers, with a factor of eight to spare.
-const POSITION_SLACK: f32 = 1e-6;
+pub(super) const POSITION_SLACK: f32 = 1e-6;
 
 /// A triangle as seen from the light: one line.
 #[repr(C, align(64))]
@@ -56,8 +56,11 @@ pub struct LightConstants {
     pub disc: Disc,
     /// Radius, 0 for a point.
     pub radius: f32,
-    /// Radius for the bound of a penumbra: larger by rounding, and for a disc that does not face the receivers.
+    /// Radius for the bound of a penumbra: larger for a disc that does not face the receivers. Rounding comes on top, see
+    /// [`LightConstants::rounded_radius`].
     pub bound_radius: f32,
+    /// Largest coordinate of vertices and receivers.
+    pub largest: f32,
 }
 
 impl LightConstants {
@@ -68,11 +71,15 @@ impl LightConstants {
         // sin phi (1 - r/|p|) <= r (1/|v| - cos phi/|p|), and |p| > |v| > 2.5 r wherever the bound is used.
         let bound_radius =
             if disc == Disc::Facing { input.light_radius } else { input.light_radius * (5.0 / 3.0) };
-        // The receiver is subtracted from the ends of an edge: they are rounded by its distance from the light, which for
-        // ends near the light is as if the light were larger.
-        let farthest = input.receivers.iter().flatten().fold(0.0_f32, |far, x| far.max(x.abs()));
-        let bound_radius = bound_radius + POSITION_SLACK * farthest;
-        LightConstants { disc, radius: input.light_radius, bound_radius }
+        LightConstants { disc, radius: input.light_radius, bound_radius, largest: input.largest }
+    }
+
+    /// The bound of a penumbra's radius before the receivers have been looked at: as if one were as far as anything.
+    ///
+    /// The receiver is subtracted from the ends of an edge: they are rounded by its distance from the light, which for ends
+    /// near the light is as if the light were larger.
+    pub fn rounded_radius(&self) -> f32 {
+        self.bound_radius + POSITION_SLACK * self.largest
     }
 
     /// Whether the light has a penumbra at all.

@@ -11,17 +11,18 @@
 
 use lrbsim_isa::{Addr, Compare, Kernel, Runner, Step, Stopped, Vpu};
 
-use super::BIN_CELLS;
 use super::bin::Bins;
 use super::faces::BinPlace;
 use super::grid::Grid;
 use super::lists::Lists;
 use super::primitives::Primitives;
 use super::touch::{Edge, FaceFrame, Touch, Triangle};
+use super::{BIN_CELLS, FACES};
+use crate::clear;
 use crate::columns::{Columns, lower, take_lane, task_range};
 use crate::expression::{int, scalar};
 use crate::field;
-use crate::record::Records;
+use crate::record::{Records, words};
 
 /// Primitives of a piece, as a power of two.
 const PIECE_LOG2: i32 = 6;
@@ -75,8 +76,11 @@ impl Raster {
         bins: &Bins,
         runner: &mut Runner<'_>,
     ) -> Result<Raster, Stopped> {
-        let (pieces, piece_count) = pieces(grid, bins, runner)?;
-        let lists = Lists::new(runner.arena, 2 * grid.faces.cell_count(), piece_count, BIN_CELLS);
+        let list_count = 2 * grid.faces.cell_count();
+        let zeroed = [u64::from(words::<PieceCounters>()), Lists::start_words(list_count)];
+        let [counters, starts] = clear::zeroed(runner, zeroed)?;
+        let (pieces, piece_count) = pieces(grid, bins, Records::from_base(counters), runner)?;
+        let lists = Lists::new(runner.arena, starts, list_count, piece_count, BIN_CELLS);
         let rasterize = |records| Rasterize {
             pieces,
             lists,
@@ -88,16 +92,20 @@ impl Raster {
         runner.run(&Step::ordered("record counts", piece_count, rasterize(None)))?;
 
         let records = lists.sum(runner)?;
-        let records = Records::new(runner.arena, u64::from(records));
+        let records = Records::overwritten(runner.arena, u64::from(records));
         // SAFETY: each task writes its own table, and records to places that it has taken in `record counts`.
         runner.run(&unsafe { Step::independent("records", piece_count, rasterize(Some(records))) })?;
         Ok(Raster { lists, records })
     }
 }
 
-/// Cuts the lists of the bins into pieces: counts them, then writes them. The pieces, and their number.
-fn pieces(grid: &Grid, bins: &Bins, runner: &mut Runner<'_>) -> Result<(Columns<Piece>, u32), Stopped> {
-    let counters: Records<PieceCounters> = Records::new(runner.arena, 1);
+/// Cuts the lists of the bins into pieces: counts them, then writes them. The pieces, and their number. `counters` are zero.
+fn pieces(
+    grid: &Grid,
+    bins: &Bins,
+    counters: Records<PieceCounters>,
+    runner: &mut Runner<'_>,
+) -> Result<(Columns<Piece>, u32), Stopped> {
     let list_count = 2 * grid.faces.bin_count;
     let cut = |pieces| Pieces { counters, pieces, list_starts: bins.lists.starts, list_count };
     let tasks = list_count.div_ceil(LISTS);
@@ -105,7 +113,7 @@ fn pieces(grid: &Grid, bins: &Bins, runner: &mut Runner<'_>) -> Result<(Columns<
     runner.run(&unsafe { Step::independent("raster pieces", tasks, cut(None)) })?;
 
     let count = runner.arena.read_u32(counters.field(field!(PieceCounters.total)));
-    let pieces = Columns::new(runner.arena, count);
+    let pieces = Columns::overwritten(runner.arena, count);
     runner.run(&Step::ordered("raster tasks", tasks, cut(Some(pieces))))?;
     Ok((pieces, count))
 }
@@ -175,11 +183,14 @@ impl Kernel for Rasterize {
         let face = v.s_load(grid.faces.bin_places.column(field!(BinPlace.face)), bin);
         let first_list = scalar!(v, list << { BIN_CELLS.trailing_zeros() as i32 });
         let table = lists.table(v, task);
+        if self.records.is_none() {
+            lists.clear_table(v, table);
+        }
         let piece = PieceOf { bin, first, end, table, first_list };
-        for grid in grid.faces.grids() {
-            let number = v.s_imm(grid.face as i32);
+        for face_number in 0..FACES {
+            let number = v.s_imm(face_number as i32);
             if v.branch(Compare::Equal, face, number) {
-                let frame = FaceFrame::new(grid);
+                let frame = FaceFrame::new(face_number);
                 if of_triangles {
                     self.piece::<V, Triangle<V>>(v, frame, primitives.triangles, piece);
                 } else {
@@ -226,7 +237,7 @@ impl Rasterize {
         while v.branch(Compare::Less, i, end) {
             let number = v.s_load(self.items, i);
             let record = records.record(v, number);
-            let primitive = P::set_up(v, &self.primitives.light, frame, record);
+            let primitive = P::set_up(v, &self.grid.faces, frame, record);
             let (touched, _) = primitive.touch(v, nodes.blocks, first_block);
             let mut blocks = v.kmov_to_scalar(touched);
             while v.branch(Compare::NotEqual, blocks, none) {

@@ -36,7 +36,7 @@ impl Receivers {
     pub fn new(input: &ShadowInput, arena: &mut Arena) -> Receivers {
         let order = curve_order(input);
         let count = count_of(&input.receivers);
-        let columns: Columns<Receiver> = Columns::new(arena, count);
+        let columns: Columns<Receiver> = Columns::overwritten(arena, count);
         for axis in 0..3 {
             let values = order.iter().map(|&i| input.receivers[i as usize][axis].to_bits());
             fill(arena, columns.column(field!(Receiver.position[axis])), values);

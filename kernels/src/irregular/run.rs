@@ -1,9 +1,10 @@
 //! Runs: equal shares of the work that samples and records of cells make together, one a task, and the walk through one.
 //!
 //! A task owns the samples of its run, so that sums need no atomics and repeat bit for bit. Cell by cell it takes 16
-//! samples at a time and walks all records of the cell; a record that begins deeper than all 16 is skipped.
+//! samples at a time and walks all records of the cell; a record that begins deeper than all 16 is skipped. It leaves sums
+//! for each of its samples, those of cells without records included.
 //!
-//! A block whose samples and records make too many vector tests is split into a power of two of runs; those of triangles
+//! Where no cell of a block has records of a kind, no run goes there, and nobody writes or reads its sums. A block whose samples and records make too many vector tests is split into a power of two of runs; those of triangles
 //! and those of edges are split apart.
 
 #![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
@@ -15,6 +16,7 @@ use super::faces::BinPlace;
 use super::grid::{Grid, Sample};
 use super::primitives::Kind;
 use super::raster::{CellRecord, Raster};
+use crate::clear;
 use crate::columns::{Columns, lanes_below, lower, sum, task_range};
 use crate::expression::{each, int, scalar};
 use crate::field;
@@ -29,9 +31,9 @@ const RUN_LOG2: [i32; 2] = [10, 8];
 
 /// Into how many runs a block is split.
 #[repr(C)]
-struct Split {
-    /// j + 1 for 2^j runs, by [`Kind`]; 0 where there is nothing to do.
-    log2: [u32; 2],
+pub struct Split {
+    /// j + 1 for 2^j runs, by [`Kind`]; 0 where there is nothing to do, so that its samples have no sums.
+    pub log2: [i32; 2],
 }
 
 /// A share of a block's samples: a task of `hard` or of `soft`.
@@ -67,14 +69,17 @@ pub struct Runs {
     runs: [Columns<Run>; 2],
     /// Number of runs by [`Kind`].
     counts: [u32; 2],
+    /// How each block is split.
+    pub splits: Columns<Split>,
 }
 
 impl Runs {
     /// Splits the samples of each block into runs: counts them, then writes them.
     pub fn build(grid: &Grid, raster: &Raster, runner: &mut Runner<'_>) -> Result<Runs, Stopped> {
-        let counters: Records<RunCounters> = Records::new(runner.arena, 1);
+        let [counters] = clear::zeroed(runner, [u64::from(words::<RunCounters>())])?;
+        let counters: Records<RunCounters> = Records::from_base(counters);
         let block_count = grid.faces.block_count();
-        let splits = Columns::new(runner.arena, block_count);
+        let splits = Columns::overwritten(runner.arena, block_count);
         let tasks = block_count.div_ceil(BLOCKS);
         let count = Count { counters, splits, grid: *grid, list_starts: raster.lists.starts };
         // SAFETY: each task writes the splits of its own blocks and adds to the totals.
@@ -82,9 +87,9 @@ impl Runs {
 
         let totals = counters.field(field!(RunCounters.totals));
         let counts = [0, 1].map(|kind| runner.arena.read_u32(totals.plus_lines(kind)));
-        let runs = counts.map(|count| Columns::new(runner.arena, count));
+        let runs = counts.map(|count| Columns::overwritten(runner.arena, count));
         runner.run(&Step::ordered("runs", tasks, Fill { counters, splits, runs, block_count }))?;
-        Ok(Runs { runs, counts })
+        Ok(Runs { runs, counts, splits })
     }
 
     /// Number of runs of `kind`: tasks of the step that walks them.
@@ -233,7 +238,7 @@ pub trait Shade {
     /// What is known of `samples` before the first primitive.
     fn begin<V: Vpu>(&self, v: &mut V, samples: &Samples<V>) -> Self::State<V>;
 
-    /// Takes one primitive into account, which can shadow one of `samples`.
+    /// Takes one primitive into account that can shadow one of `samples`.
     fn add<V: Vpu>(
         &self,
         v: &mut V,
@@ -242,8 +247,8 @@ pub trait Shade {
         primitive: Record<V, CellRecord>,
     );
 
-    /// Stores what is known of `samples` after the last primitive.
-    fn finish<V: Vpu>(&self, v: &mut V, samples: &Samples<V>, state: Self::State<V>);
+    /// The sums in F and B of 16 samples after their last primitive; 0 where there is none.
+    fn sums<V: Vpu>(&self, state: &Self::State<V>) -> [V::I32; 2];
 }
 
 /// Walks the runs of one kind of primitives: 16 samples of a cell at a time, past all records of the cell.
@@ -254,17 +259,20 @@ pub struct Walk {
     /// First records of the cells.
     list_starts: Addr,
     records: Records<CellRecord>,
+    /// Where the sums in F and B of all samples are left.
+    sums: [Addr; 2],
 }
 
 impl Walk {
-    /// The walk through the records of `kind`.
-    pub fn new(kind: Kind, grid: &Grid, raster: &Raster, runs: &Runs) -> Walk {
+    /// The walk through the records of `kind`, which leaves sums in F and B in the columns `sums`.
+    pub fn new(kind: Kind, grid: &Grid, raster: &Raster, runs: &Runs, sums: [Addr; 2]) -> Walk {
         let first_list = kind.first_list(grid.faces.cell_count());
         Walk {
             runs: runs.runs[kind as usize],
             grid: *grid,
             list_starts: raster.lists.starts.plus_words(u64::from(first_list)),
             records: raster.records,
+            sums,
         }
     }
 
@@ -299,20 +307,13 @@ impl Walk {
             let in_cell = scalar!(v, ((sample_end - sample_first) + 15) >> 4);
             let cell_first = seen;
             seen = scalar!(v, seen + in_cell);
-            // Does the run reach this cell, and does the cell have records?
+            // Does the run reach this cell?
             if v.branch(Compare::LessEqual, seen, first) {
                 continue;
             }
             if v.branch(Compare::LessEqual, end, cell_first) {
                 break;
             }
-            let record_first = v.s_load(*list_starts, cell);
-            let record_end = v.s_load(list_starts.plus_words(1), cell);
-            if v.branch(Compare::Equal, record_first, record_end) {
-                continue;
-            }
-            let record_first = scalar!(v, record_first + record_first);
-            let record_end = scalar!(v, record_end + record_end);
             // This run's samples of the cell.
             let from = if v.branch(Compare::Less, cell_first, first) { first } else { cell_first };
             let to = lower(v, seen, end);
@@ -323,6 +324,14 @@ impl Walk {
             let mut i = scalar!(v, sample_first + from);
             let stop = scalar!(v, sample_first + to);
             let stop = lower(v, stop, sample_end);
+            let record_first = v.s_load(*list_starts, cell);
+            let record_end = v.s_load(list_starts.plus_words(1), cell);
+            if v.branch(Compare::Equal, record_first, record_end) {
+                self.nothing(v, i, stop);
+                continue;
+            }
+            let record_first = scalar!(v, record_first + record_first);
+            let record_end = scalar!(v, record_end + record_end);
             while v.branch(Compare::Less, i, stop) {
                 let live = lanes_below(v, i, stop);
                 let position = each!(axis in [0, 1, 2] => {
@@ -333,6 +342,20 @@ impl Walk {
                 self.records(v, &samples, deepest, (record_first, record_end), shade);
                 i = scalar!(v, i + 16);
             }
+        }
+    }
+
+    /// Leaves 0 for samples `first..end`, of a cell without records.
+    #[inline(always)]
+    fn nothing<V: Vpu>(&self, v: &mut V, first: V::S32, end: V::S32) {
+        let none = v.vset_i32(0);
+        let mut i = first;
+        while v.branch(Compare::Less, i, end) {
+            let live = lanes_below(v, i, end);
+            for sums in self.sums {
+                v.vstore_i32(live, sums, i, none);
+            }
+            i = scalar!(v, i + 16);
         }
     }
 
@@ -370,6 +393,8 @@ impl Walk {
             }
             at = scalar!(v, at + { words::<CellRecord>() as i32 });
         }
-        shade.finish(v, samples, state);
+        for (sums, sum) in self.sums.into_iter().zip(shade.sums(&state)) {
+            v.vstore_i32(samples.live, sums, samples.first, sum);
+        }
     }
 }

@@ -42,9 +42,9 @@ impl Streaks {
     /// Room for the streaks of all tasks.
     pub(super) fn new(arena: &mut Arena, receivers: &Receivers) -> Streaks {
         Streaks {
-            columns: Columns::new(arena, receivers.tasks() * TASK_STREAKS),
-            totals: arena.alloc(u64::from(receivers.tasks())),
-            lanes: arena.alloc(u64::from(receivers.count.div_ceil(16))),
+            columns: Columns::overwritten(arena, receivers.tasks() * TASK_STREAKS),
+            totals: arena.overwritten(u64::from(receivers.tasks())),
+            lanes: arena.overwritten(u64::from(receivers.count.div_ceil(16))),
         }
     }
 

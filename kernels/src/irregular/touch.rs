@@ -7,7 +7,7 @@
 
 use lrbsim_isa::{Vpu, math};
 
-use super::faces::FaceGrid;
+use super::faces::Faces;
 use super::nodes::Node;
 use super::primitives::{EdgeRecord, LightConstants, TriangleRecord};
 use super::{FACES, FAR};
@@ -41,10 +41,10 @@ pub struct FaceFrame {
 }
 
 impl FaceFrame {
-    /// The frame of a face.
-    pub fn new(grid: &FaceGrid) -> FaceFrame {
-        let axis = grid.face as usize / 2;
-        let sign = if grid.face.is_multiple_of(2) { 1.0 } else { -1.0 };
+    /// The frame of face `face`.
+    pub fn new(face: u32) -> FaceFrame {
+        let axis = face as usize / 2;
+        let sign = if face.is_multiple_of(2) { 1.0 } else { -1.0 };
         FaceFrame { axes: [(axis + 1) % 3, (axis + 2) % 3, axis], sign }
     }
 
@@ -143,7 +143,7 @@ pub trait Touch<V: Vpu> {
     /// The record that it is set up from.
     type Record;
     /// The primitive of `record` in a face's frame.
-    fn set_up(v: &mut V, light: &LightConstants, frame: FaceFrame, record: Record<V, Self::Record>) -> Self;
+    fn set_up(v: &mut V, faces: &Faces, frame: FaceFrame, record: Record<V, Self::Record>) -> Self;
     /// Tests nodes `at..at + 16`.
     fn touch(&self, v: &mut V, nodes: Columns<Node>, at: V::S32) -> (V::Mask, V::F32);
 }
@@ -159,7 +159,7 @@ impl<V: Vpu> Touch<V> for Triangle<V> {
     type Record = TriangleRecord;
 
     #[inline(always)]
-    fn set_up(v: &mut V, _: &LightConstants, frame: FaceFrame, triangle: Record<V, TriangleRecord>) -> Self {
+    fn set_up(v: &mut V, _: &Faces, frame: FaceFrame, triangle: Record<V, TriangleRecord>) -> Self {
         let sign_bit = v.vset_i32(i32::MIN);
         let edges = each!(edge in [0, 1, 2] => Form::inward(v, frame, triangle, edge, sign_bit));
         let normal = frame.load(v, triangle, field!(TriangleRecord.normal));
@@ -214,13 +214,13 @@ impl<V: Vpu> Touch<V> for Edge<V> {
     type Record = EdgeRecord;
 
     #[inline(always)]
-    fn set_up(v: &mut V, light: &LightConstants, frame: FaceFrame, record: Record<V, EdgeRecord>) -> Self {
+    fn set_up(v: &mut V, faces: &Faces, frame: FaceFrame, record: Record<V, EdgeRecord>) -> Self {
         let zero = v.vset_f32(0.0);
         let one = v.vset_f32(1.0);
         let mut a = frame.load(v, record, field!(EdgeRecord.ends[0]));
         let mut b = frame.load(v, record, field!(EdgeRecord.ends[1]));
         let least = record.float(v, field!(EdgeRecord.nearest));
-        let radius = v.vset_f32(light.bound_radius);
+        let radius = faces.bound_radius(v);
         let near = v.vset_f32(NEAR);
         let bound = v.vmul(near, least);
         let everywhere = v.vcmp_ge(radius, bound);
@@ -356,7 +356,7 @@ pub fn faces_of_triangles<V: Vpu>(v: &mut V, inward: [[V::F32; 3]; 3]) -> V::I32
 #[inline(always)]
 pub fn faces_of_edges<V: Vpu>(v: &mut V, light: &LightConstants, a: [V::F32; 3], b: [V::F32; 3]) -> V::I32 {
     // Of the sums below, which are sqrt 2 times a distance; wider by their rounding.
-    let reach = v.vset_f32(-light.bound_radius * (core::f32::consts::SQRT_2 * (1.0 + WIDTH_SLACK)));
+    let reach = v.vset_f32(-light.rounded_radius() * (core::f32::consts::SQRT_2 * (1.0 + WIDTH_SLACK)));
     let slack = v.vset_f32(-DOT_SLACK);
     let (of_a, of_b) = (largest(v, a), largest(v, b));
     let size = v.vmax(of_a, of_b);

@@ -6,47 +6,101 @@ use lrbsim_isa::{Addr, Compare, Kernel, Runner, Step, Stopped, Vpu};
 
 use super::Sums;
 use super::soft::WHOLE;
-use crate::columns::{Columns, lanes_below, task_range};
+use crate::columns::{Columns, lanes_below, lower, task_range};
 use crate::expression::{each, scalar};
 use crate::field;
 use crate::irregular::grid::{Grid, Sample};
 use crate::irregular::receivers::Receiver;
+use crate::irregular::run::{Runs, Split};
+use crate::irregular::{CHILDREN, SLICES};
 
 /// Number of samples that a task handles.
 const TASK: u32 = 1024;
 
+/// Number of keys of a block, as a power of two.
+const BLOCK_KEYS_LOG2: i32 = (CHILDREN * SLICES).trailing_zeros() as i32;
+
 /// Composes the visibility of all samples, to the pixels at `visibility`.
 pub fn compose(
     grid: &Grid,
+    runs: &Runs,
     sums: Columns<Sums>,
-    is_soft: bool,
     visibility: Addr,
     runner: &mut Runner<'_>,
 ) -> Result<(), Stopped> {
-    let compose = Compose { grid: *grid, sums, is_soft, visibility };
+    let compose = Compose { grid: *grid, splits: runs.splits, sums, visibility };
     // SAFETY: each task writes the pixels of its own samples: a receiver has a pixel of its own.
     runner.run(&unsafe { Step::independent("compose", grid.receivers.count.div_ceil(TASK), compose) })
 }
 
 struct Compose {
     grid: Grid,
+    /// Which blocks have sums.
+    splits: Columns<Split>,
     sums: Columns<Sums>,
-    is_soft: bool,
     visibility: Addr,
 }
 
 impl Kernel for Compose {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
-        let Compose { grid, sums, .. } = self;
-        let (mut i, end) = task_range(v, task, TASK, grid.receivers.count);
+        let (mut i, end) = task_range(v, task, TASK, self.grid.receivers.count);
+        let mut block = self.block_of(v, i);
+        // Block by block: most of a picture is lit, and where no run has been there are no sums to be read.
+        while v.branch(Compare::Less, i, end) {
+            let key = scalar!(v, block << { BLOCK_KEYS_LOG2 });
+            let block_end = v.s_load(self.grid.cell_starts(CHILDREN), key);
+            let stop = lower(v, block_end, end);
+            if v.branch(Compare::Less, i, stop) {
+                self.block(v, block, i, stop);
+                i = stop;
+            }
+            block = scalar!(v, block + 1);
+        }
+    }
+}
+
+impl Compose {
+    /// The block that sample `sample` lies in, by bisection.
+    #[inline(always)]
+    fn block_of<V: Vpu>(&self, v: &mut V, sample: V::S32) -> V::S32 {
+        let one = v.s_imm(1);
+        let mut block = v.s_imm(0);
+        let mut left = v.s_imm(self.grid.faces.block_count() as i32);
+        // It is one of the `left` blocks from `block` on.
+        while v.branch(Compare::Less, one, left) {
+            let half = scalar!(v, left >> 1);
+            let middle = scalar!(v, block + half);
+            let key = scalar!(v, middle << { BLOCK_KEYS_LOG2 });
+            let first = v.s_load(self.grid.cell_starts(0), key);
+            if v.branch(Compare::LessEqual, first, sample) {
+                block = middle;
+                left = scalar!(v, left - half);
+            } else {
+                left = half;
+            }
+        }
+        block
+    }
+
+    /// Composes samples `first..end` of a block.
+    #[inline(always)]
+    fn block<V: Vpu>(&self, v: &mut V, block: V::S32, first: V::S32, end: V::S32) {
+        let Compose { grid, splits, sums, .. } = self;
         let none = v.vset_i32(0);
+        let nothing = v.s_imm(0);
+        let [has_layers, has_parts] = each!(kind in [0, 1] => {
+            let log2 = v.s_load(splits.column(field!(Split.log2[kind])), block);
+            v.branch(Compare::Less, nothing, log2)
+        });
+        let mut i = first;
         while v.branch(Compare::Less, i, end) {
             let live = lanes_below(v, i, end);
             let mut sum = |field| v.vload_i32_or(none, live, sums.column(field), i);
-            let layers = each!(i in [0, 1] => sum(field!(Sums.layers[i])));
-            let parts = self.is_soft.then(|| each!(i in [0, 1] => sum(field!(Sums.coverage[i]))));
-            let visible = visible(v, layers, parts);
+            let layers =
+                if has_layers { each!(k in [0, 1] => sum(field!(Sums.layers[k]))) } else { [none; 2] };
+            let parts = has_parts.then(|| each!(k in [0, 1] => sum(field!(Sums.coverage[k]))));
+            let visible = if has_layers || has_parts { visible(v, layers, parts) } else { v.vset_f32(1.0) };
             let receiver = v.vload_i32_or(none, live, grid.samples.column(field!(Sample.receiver)), i);
             let pixel =
                 v.vgather_i32_or(none, live, grid.receivers.columns.column(field!(Receiver.pixel)), receiver);

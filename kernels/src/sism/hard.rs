@@ -19,7 +19,7 @@ use crate::irregular::run::{Runs, Samples, Shade, Walk};
 use crate::plane::{Vec3, dot, side};
 use crate::record::{Record, Records};
 
-/// Counts the layers of every sample, to the sums of that.
+/// Counts the layers of every sample that a triangle of its block can shadow.
 pub fn count(
     primitives: &Primitives,
     grid: &Grid,
@@ -28,8 +28,9 @@ pub fn count(
     sums: Columns<Sums>,
     runner: &mut Runner<'_>,
 ) -> Result<(), Stopped> {
-    let walk = Walk::new(Kind::Triangles, grid, raster, runs);
-    let hard = Hard { walk, grid: *grid, triangles: primitives.triangles, sums };
+    let sums = [0, 1].map(|i| sums.column(field!(Sums.layers[i])));
+    let walk = Walk::new(Kind::Triangles, grid, raster, runs, sums);
+    let hard = Hard { walk, grid: *grid, triangles: primitives.triangles };
     // SAFETY: each task writes the sums of its own samples: a sample lies in one run.
     runner.run(&unsafe { Step::independent("hard", runs.count(Kind::Triangles), hard) })
 }
@@ -38,7 +39,6 @@ struct Hard {
     walk: Walk,
     grid: Grid,
     triangles: Records<TriangleRecord>,
-    sums: Columns<Sums>,
 }
 
 /// Layers that 16 samples have so far.
@@ -84,10 +84,8 @@ impl Shade for Hard {
     }
 
     #[inline(always)]
-    fn finish<V: Vpu>(&self, v: &mut V, samples: &Samples<V>, state: Layers<V>) {
-        for (i, layers) in state.layers.into_iter().enumerate() {
-            v.vstore_i32(samples.live, self.sums.column(field!(Sums.layers[i])), samples.first, layers);
-        }
+    fn sums<V: Vpu>(&self, state: &Layers<V>) -> [V::I32; 2] {
+        state.layers
     }
 }
 

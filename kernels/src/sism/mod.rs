@@ -92,7 +92,9 @@ pub struct Arrays {
     pub primitives: Primitives,
     /// Receivers and their cells.
     pub grid: Grid,
-    /// Sums of each sample, field by field.
+    /// Which blocks have sums.
+    pub runs: Runs,
+    /// Sums of each sample, field by field; of samples whose block has none nobody writes them.
     pub sums: Columns<Sums>,
     /// Visible part of the light by pixel.
     pub visibility: Addr,
@@ -118,7 +120,7 @@ pub fn run(input: &ShadowInput, runner: &mut Runner<'_>) -> Result<Arrays, Stopp
     let primitives = silhouette::detect(&scene, light, runner)?;
 
     runner.phase(&GRID);
-    let grid = Grid::build(receivers, runner)?;
+    let grid = Grid::build(receivers, &light, runner)?;
 
     runner.phase(&BIN);
     let bins = Bins::build(&primitives, &grid, runner)?;
@@ -128,7 +130,7 @@ pub fn run(input: &ShadowInput, runner: &mut Runner<'_>) -> Result<Arrays, Stopp
     let runs = Runs::build(&grid, &raster, runner)?;
 
     runner.phase(&HARD);
-    let sums = Columns::new(runner.arena, receivers.count);
+    let sums = Columns::overwritten(runner.arena, receivers.count);
     hard::count(&primitives, &grid, &raster, &runs, sums, runner)?;
 
     if light.is_soft() {
@@ -137,7 +139,7 @@ pub fn run(input: &ShadowInput, runner: &mut Runner<'_>) -> Result<Arrays, Stopp
     }
 
     runner.phase(&COMPOSE);
-    let visibility = runner.arena.alloc(u64::from(input.width * input.height));
-    compose::compose(&grid, sums, light.is_soft(), visibility, runner)?;
-    Ok(Arrays { primitives, grid, sums, visibility })
+    let visibility = runner.arena.overwritten(u64::from(input.width * input.height));
+    compose::compose(&grid, &runs, sums, visibility, runner)?;
+    Ok(Arrays { primitives, grid, runs, sums, visibility })
 }

@@ -8,6 +8,7 @@
 use lrbsim_isa::{Addr, Compare, Kernel, Runner, Step, Stopped, Vpu, math};
 
 use super::soft::rounding_offset;
+use crate::clear;
 use crate::columns::{lanes_below, task_range};
 use crate::expression::{each, int, scalar};
 use crate::field;
@@ -26,7 +27,7 @@ const TASK: u32 = 256;
 /// Finds what casts shadows: records of all triangles and, where `light` has a penumbra, of the edges that weigh something.
 pub fn detect(scene: &Scene, light: LightConstants, runner: &mut Runner<'_>) -> Result<Primitives, Stopped> {
     let triangle_count = scene.triangle_count;
-    let triangles = Records::new(runner.arena, u64::from(triangle_count.next_multiple_of(CHILDREN)));
+    let triangles = Records::overwritten(runner.arena, u64::from(triangle_count.next_multiple_of(CHILDREN)));
     let kernel = TriangleRecords { scene: *scene, records: triangles };
     // SAFETY: each task writes the records of its own triangles.
     runner.run(&unsafe { Step::independent("triangle records", triangle_count.div_ceil(TASK), kernel) })?;
@@ -43,16 +44,15 @@ fn silhouettes(
     runner: &mut Runner<'_>,
 ) -> Result<(Records<EdgeRecord>, u32), Stopped> {
     let tasks = scene.edge_count.div_ceil(TASK);
-    let weights = runner.arena.alloc(u64::from(scene.edge_count) + 16);
-    let counter = runner.arena.alloc(1);
+    let weights = runner.arena.overwritten(u64::from(scene.edge_count) + 16);
+    let [counter, written] = clear::zeroed(runner, [1, 1])?;
     let kernel = Weights { scene: *scene, triangles, weights, counter };
     // SAFETY: each task writes the weights of its own edges and adds to the counter.
     runner.run(&unsafe { Step::independent("edge weights", tasks, kernel) })?;
 
     let count = runner.arena.read_u32(counter);
-    let list = runner.arena.alloc(u64::from(count) + 16);
-    let records = Records::new(runner.arena, u64::from(count + 16));
-    let written = runner.arena.alloc(1);
+    let list = runner.arena.overwritten(u64::from(count) + 16);
+    let records = Records::overwritten(runner.arena, u64::from(count + 16));
     let kernel = Select { edge_count: scene.edge_count, weights, list, written };
     runner.run(&Step::ordered("silhouette list", tasks, kernel))?;
 

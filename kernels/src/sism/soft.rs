@@ -24,7 +24,7 @@ use crate::segment::segment;
 /// A whole light in fixed point: sums of 32-bit integers are the same in any order [algorithms, 6.9].
 pub const WHOLE: f32 = (1 << 24) as f32;
 
-/// Sums the edges' parts for every sample, to the sums of that.
+/// Sums the edges' parts for every sample that an edge of its block can shadow.
 pub fn sum(
     primitives: &Primitives,
     grid: &Grid,
@@ -33,8 +33,9 @@ pub fn sum(
     sums: Columns<Sums>,
     runner: &mut Runner<'_>,
 ) -> Result<(), Stopped> {
-    let walk = Walk::new(Kind::Edges, grid, raster, runs);
-    let soft = Soft { walk, light: primitives.light, edges: primitives.edges, sums };
+    let sums = [0, 1].map(|i| sums.column(field!(Sums.coverage[i])));
+    let walk = Walk::new(Kind::Edges, grid, raster, runs, sums);
+    let soft = Soft { walk, light: primitives.light, edges: primitives.edges };
     // SAFETY: each task writes the sums of its own samples: a sample lies in one run.
     runner.run(&unsafe { Step::independent("soft", runs.count(Kind::Edges), soft) })
 }
@@ -43,7 +44,6 @@ struct Soft {
     walk: Walk,
     light: LightConstants,
     edges: Records<EdgeRecord>,
-    sums: Columns<Sums>,
 }
 
 /// What covers the light of 16 samples so far.
@@ -86,10 +86,8 @@ impl Shade for Soft {
     }
 
     #[inline(always)]
-    fn finish<V: Vpu>(&self, v: &mut V, samples: &Samples<V>, state: Coverage<V>) {
-        for (i, coverage) in state.coverage.into_iter().enumerate() {
-            v.vstore_i32(samples.live, self.sums.column(field!(Sums.coverage[i])), samples.first, coverage);
-        }
+    fn sums<V: Vpu>(&self, state: &Coverage<V>) -> [V::I32; 2] {
+        state.coverage
     }
 }
 

@@ -11,9 +11,11 @@ use lrbsim_isa::{
 };
 use lrbsim_kernels::columns::{Columns, lanes_below};
 use lrbsim_kernels::field;
+use lrbsim_kernels::irregular::CHILDREN;
 use lrbsim_kernels::irregular::grid::Sample;
 use lrbsim_kernels::irregular::primitives::Primitives;
 use lrbsim_kernels::irregular::receivers::{Receiver, Receivers};
+use lrbsim_kernels::irregular::run::Split;
 use lrbsim_kernels::record::Field;
 use lrbsim_kernels::sism::{self, Arrays, Sums, hard::count_layers, soft};
 use lrbsim_workloads::adjacency::prepare;
@@ -104,15 +106,29 @@ impl Run {
 
     /// Layers in F and B, coverage in F and B by pixel, as the pipeline left them.
     pub fn sums(&self) -> BTreeMap<u32, [i32; 4]> {
-        let samples = self.arrays.grid.samples;
-        let receiver = |i: u32| self.arena.read_u32(samples.host(i, field!(Sample.receiver)));
-        sums(&self.arena, &self.arrays, self.arrays.sums, receiver)
+        let Arrays { grid, runs, .. } = &self.arrays;
+        let receiver = |i: u32| self.arena.read_u32(grid.samples.host(i, field!(Sample.receiver)));
+        let mut sums = sums(&self.arena, &self.arrays, self.arrays.sums, receiver);
+        // Samples of blocks where no run has been have none.
+        for block in 0..grid.faces.block_count() {
+            let start = |cell| self.arena.read_u32(grid.cell_starts(CHILDREN * block + cell));
+            for sample in start(0)..start(CHILDREN) {
+                let pixel = grid.receivers.columns.host(receiver(sample), field!(Receiver.pixel));
+                let sums = sums.get_mut(&self.arena.read_u32(pixel)).expect("a sample has a pixel");
+                for kind in [0, 1] {
+                    if self.arena.read_u32(runs.splits.host(block, field!(Split.log2[kind]))) == 0 {
+                        sums[2 * kind..2 * kind + 2].fill(0);
+                    }
+                }
+            }
+        }
+        sums
     }
 
     /// The same by brute force, from the records of this run.
     pub fn brute_force(&mut self, on: On) -> BTreeMap<u32, [i32; 4]> {
         let receivers = self.arrays.grid.receivers;
-        let out = Columns::new(&mut self.arena, receivers.count);
+        let out = Columns::overwritten(&mut self.arena, receivers.count);
         let kernel = BruteForce { receivers, primitives: self.arrays.primitives, out };
         let step = Step::ordered("brute force", receivers.count.div_ceil(16), kernel);
         run_step(&step, &mut self.arena, on);
@@ -227,8 +243,8 @@ pub fn evaluate<const IN: usize, const OUT: usize, F: Lanewise<IN, OUT>>(
     for on in back_ends() {
         let mut arena = Arena::new();
         let count = (cases.len() as u32).next_multiple_of(16);
-        let from: Columns<[f32; IN]> = Columns::new(&mut arena, count);
-        let to: Columns<[f32; OUT]> = Columns::new(&mut arena, count);
+        let from: Columns<[f32; IN]> = Columns::overwritten(&mut arena, count);
+        let to: Columns<[f32; OUT]> = Columns::overwritten(&mut arena, count);
         for (i, case) in cases.iter().enumerate() {
             for (c, x) in case.iter().enumerate() {
                 arena.write_u32(from.host(i as u32, Field::whole().at(c)), x.to_bits());

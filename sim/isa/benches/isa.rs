@@ -51,7 +51,7 @@ impl Kernel for Polynomials {
 }
 
 fn polynomials(arena: &mut Arena) -> Step {
-    let x = arena.alloc(64 * 1024);
+    let x = arena.overwritten(64 * 1024);
     let coefficients = arena.alloc_f32(&[0.5; 16]);
     Step::ordered("polynomials", 64, Polynomials { x, coefficients })
 }

@@ -3,6 +3,9 @@
 //! Tasks reach it only through a [`Vpu`](crate::vpu::Vpu); between steps the host may read totals, fill inputs and
 //! allocate. The range is reserved once and committed by the operating system page by page as it is touched, so memory
 //! follows what the scene touches and no array ever moves.
+//!
+//! No array holds anything before somebody writes it: clearing is work of the machine. Debug builds fill arrays with
+//! [`POISON`], so that tests find a kernel that reads what nobody wrote.
 
 use core::fmt;
 use core::marker::PhantomData;
@@ -22,10 +25,10 @@ pub const BARRIER_LINE: Line = Line(1);
 /// Line that holds the constant pool: constants are few and stay in L1.
 pub const CONSTANT_LINE: Line = Line(2);
 
-/// Lines that belong to the runtime; [`Arena::alloc`] gives out those behind.
+/// Lines that belong to the runtime; [`Arena::overwritten`] gives out those behind.
 pub const RUNTIME_LINES: u32 = 64;
 
-/// First byte that [`Arena::alloc`] gives out.
+/// First byte that [`Arena::overwritten`] gives out.
 const FIRST_FREE_BYTE: u64 = RUNTIME_LINES as u64 * LINE_BYTES;
 
 /// First of the line numbers that stand for stacks. Stacks hold spilled registers and values on their way between lanes
@@ -35,6 +38,9 @@ pub const STACK_BASE_LINE: u32 = 0xf000_0000;
 
 /// Lines of one hardware thread's stack.
 pub const STACK_LINES: u32 = 64;
+
+/// What debug builds fill arrays with: a signalling NaN, which no operation returns, and a number far outside of any array.
+pub const POISON: u32 = 0x7fad_dead;
 
 /// Bytes reserved (not committed) for an arena where the host gives them.
 const RESERVED_BYTES: usize = 64 << 30;
@@ -128,6 +134,8 @@ pub struct Arena {
     used_bytes: u64,
     /// The first allocation that did not fit.
     full: Option<ArenaError>,
+    /// What new arrays are filled with; `None`: what the host's pages hold.
+    poison: Option<u32>,
     /// Words written by the tasks of the step that runs.
     claims: Claims,
 }
@@ -148,7 +156,7 @@ impl Default for Arena {
 }
 
 impl Arena {
-    /// An empty arena, all bytes zero. Reserves address space, commits nothing.
+    /// An empty arena. Reserves address space, commits nothing.
     ///
     /// # Panics
     /// Where [`Arena::reserve`] fails.
@@ -159,7 +167,7 @@ impl Arena {
         }
     }
 
-    /// An empty arena, all bytes zero. Reserves address space, commits nothing.
+    /// An empty arena. Reserves address space, commits nothing.
     ///
     /// A host with a limit gives less, down to 64 MiB; a fifth of what it has is left to the rest of the program.
     ///
@@ -187,8 +195,14 @@ impl Arena {
             reserved_bytes: bytes as u64,
             used_bytes: FIRST_FREE_BYTE,
             full: None,
+            poison: cfg!(debug_assertions).then_some(POISON),
             claims: Claims::default(),
         })
+    }
+
+    /// From now on new arrays are filled with `word`, in every build: a program must do the same whatever it is.
+    pub fn poison_with(&mut self, word: u32) {
+        self.poison = Some(word);
     }
 
     /// Whether all that was allocated fits. To be asked before a task runs: an array that does not fit has no bytes, the
@@ -200,8 +214,8 @@ impl Arena {
         self.full.map_or(Ok(()), Err)
     }
 
-    /// Allocates `bytes` bytes on a line boundary, at least one line. They are zero unless they were released before, see
-    /// [`Arena::release_to`]. Whether they fit is said by [`Arena::check`].
+    /// Allocates `bytes` bytes on a line boundary, at least one line, of which nobody asks what they hold. Whether they fit is
+    /// said by [`Arena::check`].
     pub fn alloc_bytes(&mut self, bytes: u64) -> Addr {
         let start = self.used_bytes;
         let end =
@@ -217,28 +231,34 @@ impl Arena {
         Addr(start)
     }
 
-    /// Allocates `count` 4-byte words on a line boundary, rounded up to whole lines; see [`Arena::alloc_bytes`].
-    pub fn alloc(&mut self, count: u64) -> Addr {
-        self.alloc_bytes(count.saturating_mul(4))
+    /// Allocates an array of `count` 4-byte words that somebody writes before anybody reads them, on a line boundary, rounded
+    /// up to whole lines. Debug builds fill it with [`POISON`]. Whether it fits is said by [`Arena::check`].
+    pub fn overwritten(&mut self, count: u64) -> Addr {
+        let addr = self.alloc_bytes(count.saturating_mul(4));
+        if let (Some(poison), None) = (self.poison, self.full) {
+            let words = (self.used_bytes - addr.0) / 4;
+            (0..words).for_each(|i| self.write_u32(addr.plus_words(i), poison));
+        }
+        addr
     }
 
     /// Allocates an array of 4-byte integers and fills it with `values`.
     pub fn alloc_u32(&mut self, values: &[u32]) -> Addr {
-        let addr = self.alloc(values.len() as u64);
+        let addr = self.overwritten(values.len() as u64);
         self.write_u32s(addr, values);
         addr
     }
 
     /// Allocates an array of floats and fills it with `values`.
     pub fn alloc_f32(&mut self, values: &[f32]) -> Addr {
-        let addr = self.alloc(values.len() as u64);
+        let addr = self.overwritten(values.len() as u64);
         for (i, value) in values.iter().enumerate() {
             self.write_u32(addr.plus(4 * i as u64), value.to_bits());
         }
         addr
     }
 
-    /// Bytes that [`Arena::alloc`] has given out so far, those of the runtime included.
+    /// Bytes that [`Arena::overwritten`] has given out so far, those of the runtime included.
     #[inline(always)]
     pub fn used_bytes(&self) -> u64 {
         self.used_bytes
@@ -270,19 +290,6 @@ impl Arena {
     /// The tasks of the independent step have run.
     pub(crate) fn independent_tasks_end(&mut self) {
         self.claims = Claims::default();
-    }
-
-    /// Gives back everything allocated after `mark`, a value of [`Arena::used_bytes`]. The bytes keep their values.
-    ///
-    /// # Panics
-    /// When `mark` is no value that [`Arena::used_bytes`] had before an allocation.
-    pub fn release_to(&mut self, mark: u64) {
-        assert!(mark <= self.used_bytes, "release_to({mark}) beyond the {} bytes used", self.used_bytes);
-        assert!(
-            mark >= FIRST_FREE_BYTE && mark.is_multiple_of(LINE_BYTES),
-            "release_to({mark}) is not where an allocation began"
-        );
-        self.used_bytes = mark;
     }
 
     /// Reads one word from the host, between steps.
@@ -417,10 +424,23 @@ mod tests {
     #[test]
     fn allocations_start_on_lines_and_do_not_overlap() {
         let mut arena = Arena::new();
-        let a = arena.alloc(1);
-        let b = arena.alloc(17);
-        let c = arena.alloc(1);
+        let a = arena.overwritten(1);
+        let b = arena.overwritten(17);
+        let c = arena.overwritten(1);
         assert_eq!((a.0 % 64, b.0 - a.0, c.0 - b.0), (0, 64, 128));
+    }
+
+    #[test]
+    fn an_array_holds_poison_before_it_is_written() {
+        let mut arena = Arena::new();
+        let of_build = arena.overwritten(17);
+        arena.poison_with(5);
+        let of_test = arena.overwritten(1);
+        // Whole lines, so that nothing hides behind the end.
+        let expected = if cfg!(debug_assertions) { POISON } else { 0 };
+        assert_eq!(arena.read_u32s(of_build, 32), [expected; 32]);
+        assert_eq!(arena.read_u32s(of_test, 16), [5; 16]);
+        assert!(f32::from_bits(POISON).is_nan());
     }
 
     #[test]

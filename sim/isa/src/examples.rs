@@ -154,7 +154,12 @@ impl Histogram {
     pub fn new(arena: &mut Arena, count: u32, bins: u32) -> Histogram {
         assert!(bins > 0, "a histogram needs at least one bin");
         let values: Vec<u32> = (0..count).map(|i| input(i) % bins).collect();
-        Histogram { count, bins, values: arena.alloc_u32(&values), totals: arena.alloc(u64::from(bins)) }
+        Histogram {
+            count,
+            bins,
+            values: arena.alloc_u32(&values),
+            totals: arena.alloc_u32(&vec![0; bins as usize]),
+        }
     }
 
     /// The step that counts; to be run once.
@@ -224,7 +229,12 @@ impl Transpose {
     /// Fills a matrix, and makes room for its transpose.
     pub fn new(arena: &mut Arena, rows: u32, columns: u32) -> Transpose {
         let matrix: Vec<u32> = (0..rows * columns).map(input).collect();
-        Transpose { rows, columns, from: arena.alloc_u32(&matrix), to: arena.alloc(matrix.len() as u64) }
+        Transpose {
+            rows,
+            columns,
+            from: arena.alloc_u32(&matrix),
+            to: arena.overwritten(matrix.len() as u64),
+        }
     }
 
     /// The step that transposes.

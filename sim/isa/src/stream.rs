@@ -18,7 +18,7 @@ pub struct StreamLine(u32);
 /// Where a [`StreamLine`] lies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Place {
-    /// This line of the arena, among those that [`Arena::alloc`](crate::Arena::alloc) gives out. All threads share it.
+    /// This line of the arena, among those that [`Arena::overwritten`](crate::Arena::overwritten) gives out. All threads share it.
     Arena(u32),
     /// This slot of the stack of the hardware thread that runs the task, below [`STACK_LINES`]. No other thread has it.
     Stack(u32),

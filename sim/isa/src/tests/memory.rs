@@ -168,9 +168,9 @@ fn model(op: Op, input: &[u32], before: &[u32]) -> Expected {
 fn memory_operations_agree_with_a_vector_of_words_on_every_back_end() {
     let mut random = Random(2);
     let mut arena = Arena::new();
-    let input_at = arena.alloc(5 * 16);
-    let out = arena.alloc(16);
-    let data_at = arena.alloc(DATA_WORDS as u64);
+    let input_at = arena.overwritten(5 * 16);
+    let out = arena.overwritten(16);
+    let data_at = arena.overwritten(DATA_WORDS as u64);
     let levels = levels();
     for round in 0..1500 {
         let op = OPS[round % OPS.len()];
@@ -256,8 +256,8 @@ fn check_stream(stream: &Stream, expected: &[(Class, Vec<u32>)], data: Addr, at:
 #[test]
 fn lines_are_right_where_word_numbers_outgrow_32_bits() {
     let mut arena = Arena::new();
-    let input = arena.alloc(80);
-    let out = arena.alloc(16);
+    let input = arena.alloc_u32(&[0; 80]);
+    let out = arena.overwritten(16);
     let huge = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| arena.alloc_bytes(17 << 30)));
     if huge.is_err() {
         eprintln!("SKIPPED: this host reserves less than 17 GiB of address space");
@@ -283,9 +283,9 @@ fn an_active_lane_past_the_end_stops_the_run() {
     for simd in levels() {
         for bad in [DATA_WORDS as u32, 0x7fff_ffff, 0x8000_0000, u32::MAX] {
             let mut arena = Arena::new();
-            let input = arena.alloc(80);
-            let out = arena.alloc(16);
-            let data = arena.alloc(DATA_WORDS as u64);
+            let input = arena.alloc_u32(&[0; 80]);
+            let out = arena.overwritten(16);
+            let data = arena.overwritten(DATA_WORDS as u64);
             arena.write_u32(input.plus(4 * (32 + 7)), bad);
             arena.write_u32(input.plus(4 * 64), 1 << 7);
             for op in [Op::Gather, Op::Scatter, Op::AtomicAdd, Op::AtomicCompareExchange] {
@@ -328,7 +328,7 @@ impl Kernel for Pairs {
 #[expect(unsafe_code, reason = "the tests are about steps that are declared independent")]
 fn run_pairs(tasks: u32, add: bool) -> u32 {
     let mut arena = Arena::new();
-    let words = arena.alloc(16);
+    let words = arena.alloc_u32(&[0; 16]);
     // SAFETY: they run on one host thread, one after the other.
     let step = unsafe { Step::independent("pairs", tasks, Pairs { words, add }) };
     run_functional(&step, &mut arena, HostSimd::detect(), 1);
@@ -351,7 +351,7 @@ fn tasks_of_an_independent_step_may_add_to_one_word() {
 #[should_panic(expected = "task 1 of step `pairs` is run twice")]
 fn a_task_runs_once() {
     let mut arena = Arena::new();
-    let words = arena.alloc(16);
+    let words = arena.alloc_u32(&[0; 16]);
     let step = Step::ordered("pairs", 2, Pairs { words, add: true });
     let source = StepSource::new(&step, &mut arena, HostSimd::detect(), 1);
     source.skip(0..2, &mut OpCounts::default());

@@ -63,7 +63,7 @@ fn a_line_says_where_it_lies() {
     assert_eq!(StreamLine::TASK_COUNTER.place(), Place::Runtime(0));
     assert_eq!(StreamLine::CONSTANTS.place(), Place::Runtime(CONSTANT_LINE.0));
     assert_eq!(StreamLine::arena(Addr(0).line()).place(), Place::Runtime(0));
-    let first = Arena::new().alloc(1).line();
+    let first = Arena::new().overwritten(1).line();
     assert_eq!(StreamLine::arena(first).place(), Place::Arena(first.0));
     let last = Line(STACK_BASE_LINE - 1);
     assert_eq!(StreamLine::arena(last).place(), Place::Arena(last.0));
@@ -102,7 +102,7 @@ impl Kernel for Stacked {
 #[test]
 fn every_class_that_touches_the_stack_touches_that_of_its_own_hardware_thread() {
     let mut arena = Arena::new();
-    let word = arena.alloc(1);
+    let word = arena.overwritten(1);
     let mut stream = Stream::default();
     Stacked { word }.record(HostSimd::Portable, &arena, 0, &mut stream);
     let mut on_stack = Vec::new();
