@@ -23,10 +23,12 @@ fn a_method_is_one_folder_and_one_registration() {
         let output = run(&RunRequest { algorithm: algorithm.clone(), fidelity, ..request("tiny") });
         let report = &output.report;
         assert_eq!(report.provenance.algorithm, "toy:floor=0.03");
-        // Five halvings lead below 0.03: as many steps as the data wants.
+        // Five halvings lead below 0.03: as many steps as the data wants, and one before each that clears its counter.
         let [phase] = &report.phases[..] else { panic!("one phase: {:?}", report.phases) };
-        assert_eq!((phase.id.as_str(), phase.steps, phase.by_step.len()), ("halve", 6, 6));
-        assert!(phase.by_step.iter().all(|step| step.name == "halve" && step.instructions > 0));
+        assert_eq!((phase.id.as_str(), phase.steps, phase.by_step.len()), ("halve", 12, 12));
+        for (step, name) in phase.by_step.iter().zip(["clear", "halve"].into_iter().cycle()) {
+            assert!(step.name == name && step.instructions > 0, "{}", step.name);
+        }
         assert_eq!(phase.cycles.is_some(), fidelity.is_timed());
         let seen = output.frame.visibility.iter().filter(|value| !value.is_nan());
         assert!(seen.clone().all(|&value| value == 1.0 / 64.0), "{:?}", report.image);

@@ -11,8 +11,8 @@ use lrbsim_isa::{Addr, Arena, Compare, Kernel, Runner, Step, Stopped, Vpu};
 use crate::columns::task_range;
 use crate::expression::scalar;
 
-/// Number of words that a task clears.
-const TASK: u32 = 4096;
+/// Number of words that a task clears: few lines, since a thread waits for each.
+const TASK: u32 = 256;
 
 /// Allocates an array of each of some numbers of words, and clears them all with one step.
 pub fn zeroed<const N: usize>(runner: &mut Runner<'_>, words: [u64; N]) -> Result<[Addr; N], Stopped> {

@@ -8,6 +8,7 @@
 
 use lrbsim_isa::options::{Entry, OptionSpec, Options, Values};
 use lrbsim_isa::{Addr, Compare, Kernel, Phase, Runner, Step, Stopped, Vpu};
+use lrbsim_kernels::clear;
 use lrbsim_kernels::columns::{lanes_below, task_range};
 use lrbsim_kernels::method::{Method, Shadows};
 use lrbsim_workloads::ShadowInput;
@@ -47,12 +48,11 @@ impl Method for Toy {
         // What the host may do untimed: copy the input, allocate, read totals between steps.
         let count = input.receivers.len() as u32;
         let light = runner.arena.alloc_f32(&vec![1.0; count.next_multiple_of(16) as usize]);
-        let too_bright = runner.arena.alloc_u32(&[0]);
         let floor = options.number("floor") as f32;
 
         runner.phase(&HALVE);
         loop {
-            runner.arena.write_u32(too_bright, 0);
+            let [too_bright] = clear::zeroed(runner, [1])?;
             let kernel = Halve { light, too_bright, floor, count };
             // SAFETY: each task halves the light of its own receivers, and all add to the counter.
             runner.run(&unsafe { Step::independent("halve", count.div_ceil(TASK), kernel) })?;
