@@ -1,7 +1,14 @@
-//! Hard shadow kernel: how many layers lie between each sample and the light [johnson09, §2.4; algorithms, 1].
+//! Hard shadow kernel: how many layers lie between each sample and the middle of the light [johnson09, §2.4; algorithms, 1].
 //!
-//! A layer is a counted triangle that hides the middle of the light. Layers are counted, not merely found: at a sample under
-//! two layers both must be crossed by silhouettes before light comes in, and `compose` adds the parts that `soft` finds.
+//! A layer is a triangle that hides the middle of the light from a sample. Layers are counted, not merely found: at a sample
+//! under two layers both must be crossed by silhouettes before light comes in, and `compose` adds the parts that `soft` finds.
+//!
+//! There are two counts, F of triangles that face the light and B of those that face away from it, of which `compose` takes the
+//! larger: the surface of a body is crossed on both sides or, where it is open, on one. By the rule of its body a triangle is a
+//! layer of F, of B, of both or of neither, as flags of its record say.
+//!
+//! A task is a run: some of the samples of a block of 16 cells. [`Walk`] takes 16 of its samples at a time, one a lane, and all
+//! triangles listed for their cell, one after the other in every lane; it stores what [`Shade::sums`] gives in the end.
 
 #![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
 
@@ -19,7 +26,7 @@ use crate::irregular::run::{Runs, Samples, Shade, Walk};
 use crate::plane::{Vec3, dot, side};
 use crate::record::{Record, Records};
 
-/// Counts the layers of every sample that a triangle of its block can shadow.
+/// Counts the layers of every sample in a block that holds triangles, to the layers of `sums`: one task a run.
 pub fn count(
     primitives: &Primitives,
     grid: &Grid,
@@ -35,13 +42,14 @@ pub fn count(
     runner.run(&unsafe { Step::independent("hard", runs.count(Kind::Triangles), hard) })
 }
 
+/// Counts the layers of the samples of a run.
 struct Hard {
     walk: Walk,
     grid: Grid,
     triangles: Records<TriangleRecord>,
 }
 
-/// Layers that 16 samples have so far.
+/// The layers of 16 samples, as far as their cell's triangles have been seen.
 struct Layers<V: Vpu> {
     /// Number of the triangle that each sample lies on, which does not shadow it.
     own: V::I32,
@@ -74,10 +82,10 @@ impl Shade for Hard {
         v: &mut V,
         samples: &Samples<V>,
         state: &mut Layers<V>,
-        primitive: Record<V, CellRecord>,
+        entry: Record<V, CellRecord>,
     ) {
-        let number = primitive.scalar(v, field!(CellRecord.primitive));
-        let in_every_lane = primitive.int(v, field!(CellRecord.primitive));
+        let number = entry.scalar(v, field!(CellRecord.primitive));
+        let in_every_lane = entry.int(v, field!(CellRecord.primitive));
         let triangle = self.triangles.record(v, number);
         let (live, points) = (samples.live, samples.position);
         state.layers = count_layers(v, live, points, state.own, in_every_lane, triangle, state.layers);
@@ -106,6 +114,7 @@ pub fn count_layers<V: Vpu>(
     if !v.branch_any(covered) {
         return layers;
     }
+    // The lowest two bits of the first flags: whether the triangle is a layer of F, and of B.
     let flags = triangle.int(v, field!(TriangleRecord.flags[0]));
     let one = v.vset_i32(FRONT);
     let front = int!(v, flags & one);
@@ -151,7 +160,7 @@ pub fn hidden<V: Vpu>(
     if !v.branch_any(inside) {
         return inside;
     }
-    // Beyond the plane, and not on the triangle itself.
+    // Beyond the plane, whose normal points away from the light, and not on the triangle itself.
     let normal = triangle.vec3(v, field!(TriangleRecord.normal));
     let plane = triangle.float(v, field!(TriangleRecord.plane));
     let depth = dot(v, points, normal);

@@ -1,8 +1,12 @@
 //! Soft shadow kernel: the signed part of the light's disc beyond each silhouette edge [johnson09, Eq. 3].
 //!
-//! Each edge is projected from the receiver onto the light's disc, cut to it, and the circular segment beyond it measured,
-//! within the wedge that the edge subtends at the middle. With the layers of `hard` these parts add up to what is covered
-//! [algorithms, 0]: negative where the middle is on the occluder's side, since a layer was counted there.
+//! An edge is projected from the receiver onto the disc of the light and cut to it. What is measured is the circular sector
+//! that the cut edge spans, seen from the middle of the disc, less the triangle between middle and edge. With the layers of
+//! `hard`, which count what hides the middle, these parts add up to what is covered [algorithms, 0]: a part is negative where
+//! the middle is on the occluder's side of the edge, since a layer was counted there, and positive where it is not.
+//!
+//! Edges are those that weigh something, counted once for all bodies in F and in B, as layers are in `hard`. Tasks, lanes and
+//! loops are those of `hard`: a run of samples, 16 at a time, past all edges listed for their cell.
 
 #![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
 
@@ -21,10 +25,10 @@ use crate::plane::{Vec3, side};
 use crate::record::{Record, Records};
 use crate::segment::segment;
 
-/// A whole light in fixed point: sums of 32-bit integers are the same in any order [algorithms, 6.9].
+/// A whole light in fixed point: sums of 32-bit integers are the same in any order [algorithms, 6.9], and hold 127 lights.
 pub const WHOLE: f32 = (1 << 24) as f32;
 
-/// Sums the edges' parts for every sample that an edge of its block can shadow.
+/// Sums the parts of edges for every sample in a block that holds edges, to the coverage of `sums`: one task a run.
 pub fn sum(
     primitives: &Primitives,
     grid: &Grid,
@@ -40,15 +44,16 @@ pub fn sum(
     runner.run(&unsafe { Step::independent("soft", runs.count(Kind::Edges), soft) })
 }
 
+/// Sums the parts of edges for the samples of a run.
 struct Soft {
     walk: Walk,
     light: LightConstants,
     edges: Records<EdgeRecord>,
 }
 
-/// What covers the light of 16 samples so far.
+/// What covers the light of 16 samples, as far as their cell's edges have been seen.
 struct Coverage<V: Vpu> {
-    /// The light as they see it.
+    /// The light as the samples see it.
     view: View<V>,
     /// Coverage in F and B, fixed point.
     coverage: [V::I32; 2],
@@ -77,9 +82,9 @@ impl Shade for Soft {
         v: &mut V,
         samples: &Samples<V>,
         state: &mut Coverage<V>,
-        primitive: Record<V, CellRecord>,
+        entry: Record<V, CellRecord>,
     ) {
-        let number = primitive.scalar(v, field!(CellRecord.primitive));
+        let number = entry.scalar(v, field!(CellRecord.primitive));
         let edge = self.edges.record(v, number);
         let (live, points) = (samples.live, samples.position);
         state.coverage = add_edge(v, &state.view, live, points, edge, state.coverage);
@@ -100,8 +105,9 @@ pub fn view<V: Vpu>(v: &mut V, light: &LightConstants, points: Vec3<V>) -> View<
 
 /// Adds to the coverage in F and B of 16 samples the signed part that an edge makes.
 ///
-/// The sign comes from the same predicate as the umbra: negative where the middle of the light is on the occluder's side.
-/// 66 operations where all lines miss the disc, 157 for a part that needs no clipping.
+/// The side of the middle of the light is told by the plane through light and edge, the one that bounds the triangles of `hard`
+/// there, bit by bit: a receiver on one side of it sees the middle on that side of the edge. 66 operations where the edges miss all
+/// discs, 157 for a part that needs no clipping.
 #[inline(always)]
 pub fn add_edge<V: Vpu>(
     v: &mut V,
@@ -111,7 +117,7 @@ pub fn add_edge<V: Vpu>(
     edge: Record<V, EdgeRecord>,
     coverage: [V::I32; 2],
 ) -> [V::I32; 2] {
-    // The edge on the disc, in radii: what of it lies between receiver and light.
+    // What of the edge lies between receiver and light, then where that is on the disc, in radii.
     let a = edge.vec3(v, field!(EdgeRecord.ends[0]));
     let b = edge.vec3(v, field!(EdgeRecord.ends[1]));
     let mut a = view.see(v, a);
@@ -120,7 +126,7 @@ pub fn add_edge<V: Vpu>(
     let u0 = view.project(v, a);
     let u1 = view.project(v, b);
 
-    // The part of the disc beyond it.
+    // The part of the disc beyond the edge.
     let (live, f) = segment(v, live, u0, u1);
     if !v.branch_any(live) {
         return coverage;
@@ -128,7 +134,7 @@ pub fn add_edge<V: Vpu>(
     let offset = edge.float(v, field!(EdgeRecord.rounding_offset));
     let fixed = fixed(v, f, offset);
 
-    // Weight counts faces on the left: -F for those on whose side the middle is, +F for the others.
+    // A weight counts faces left of the edge less those right of it: what covers the side that the middle is on is subtracted.
     let normal = edge.vec3(v, field!(EdgeRecord.normal));
     let side = side(v, points, normal);
     let none = v.vset_i32(0);
@@ -150,10 +156,10 @@ pub fn fixed<V: Vpu>(v: &mut V, f: V::F32, offset: V::F32) -> V::I32 {
     v.vcvt_f32_i32(rounded)
 }
 
-/// What edge `number` adds before it rounds, in (-1/2, 1/2): multiples of the golden ratio, as even as can be.
+/// What edge `number` adds before it rounds, in (-1/2, 1/2): multiples of the golden ratio modulo 1, which lie as evenly as can be.
 ///
 /// Ten thousand equal terms (the edges of a regular body) would else all round the same way, and their sum be off by
-/// 1e-4 of the light [algorithms, 6.9]. A part of 0 stays 0.
+/// 1e-4 of the light [algorithms, 6.9]. A part of 0 stays 0, since the offset is less than a half.
 #[inline(always)]
 pub fn rounding_offset<V: Vpu>(v: &mut V, number: V::I32) -> V::F32 {
     let golden = v.vset_i32(0x9e37_79b9_u32 as i32);
