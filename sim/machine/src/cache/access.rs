@@ -1,23 +1,24 @@
 //! The path of an access through the caches of its core, from a uop to the time its line is usable or to the request that
 //! leaves the core.
 
+use super::l2::L2Access;
 use super::{CoreCaches, Intent, Slot, Tags};
 use crate::Cycle;
 use crate::coherence::{Event, State, transition};
 use crate::config::MachineSpec;
 use crate::counters::Cause;
-use crate::exchange::{Claim, Request, Victim};
+use crate::exchange::Claim;
 use crate::when::When;
 
 /// What the path of an access asks of the machine.
 #[derive(Debug, Clone)]
 pub(crate) struct AccessRules {
     pub(crate) l1_hit_cycles: Cycle,
-    l2_hit_cycles: Cycle,
+    pub(super) l2_hit_cycles: Cycle,
     /// Whether translation costs anything.
     translates: bool,
     /// Whether every access is a hit.
-    ideal: bool,
+    pub(super) ideal: bool,
     posted_streaming_stores: bool,
     /// MSHRs that the prefetcher leaves free; `None` when there is none.
     prefetcher_spares: Option<usize>,
@@ -66,20 +67,9 @@ pub(crate) struct Again {
 }
 
 impl Again {
-    fn mshr(at: Cycle) -> Again {
+    pub(super) fn mshr(at: Cycle) -> Again {
         Again { at, why: Cause::Mshr }
     }
-}
-
-/// What became of an access to the L2.
-struct L2Access {
-    /// When the line is usable; [`When::NEVER`] when that is for the uncore to say.
-    ready: When,
-    /// Whether the core may write the line, as far as it knows.
-    owned: bool,
-    /// Whether the L2 neither had the line nor waited for it.
-    missed: bool,
-    mshr: u16,
 }
 
 impl CoreCaches {
@@ -218,7 +208,7 @@ impl CoreCaches {
 
     /// Has the address of `line` translated; `Err` when that takes until later.
     #[inline(always)]
-    fn translate(&mut self, rules: &AccessRules, line: u32, now: Cycle) -> Result<(), Again> {
+    pub(super) fn translate(&mut self, rules: &AccessRules, line: u32, now: Cycle) -> Result<(), Again> {
         if rules.translates && !self.tlb.hit(line, now) {
             let cycles = self.tlb.translate(line, now);
             if cycles > 0 {
@@ -232,146 +222,11 @@ impl CoreCaches {
         Ok(())
     }
 
-    /// Has the streamer see an access to the L2, and fetches what it wants as far as MSHRs go.
-    fn run_ahead(&mut self, rules: &AccessRules, line: u32, missed: bool, spared: usize, now: Cycle) {
-        let Some(stream) = self.prefetcher.observe(line, missed) else { return };
-        while let Some(wanted) = self.prefetcher.wanted(stream) {
-            // Not now, when demands might have to wait for an MSHR; the next access to the stream asks again.
-            if self.l2.find(wanted).is_none()
-                && (!self.l2_mshrs.has_more_than(spared, now)
-                    || self.l2_access(rules, wanted, Intent::Read, now).is_err())
-            {
-                return;
-            }
-            self.prefetcher.advance(stream);
-        }
-    }
-
-    /// Brings `line` into the L2 and no further.
-    pub(crate) fn prefetch_l2(&mut self, rules: &AccessRules, line: u32, now: Cycle) -> Result<(), Again> {
-        if rules.ideal {
-            return Ok(());
-        }
-        self.translate(rules, line, now)?;
-        self.l2_access(rules, line, Intent::Read, now).map(|_| ())
-    }
-
-    /// An L1 miss or L2 prefetch at `now`, the time of the uop.
-    fn l2_access(
-        &mut self,
-        rules: &AccessRules,
-        line: u32,
-        intent: Intent,
-        now: Cycle,
-    ) -> Result<L2Access, Again> {
-        let slot = self.l2.find(line);
-        if let Some(slot) = slot {
-            let bits = self.l2.bits(slot);
-            let owned = State::from_bits(bits).is_owner();
-            if intent == Intent::Read || owned {
-                self.l2.touch(slot);
-                let state = if intent == Intent::Read { 0 } else { State::M as u8 };
-                if bits & Tags::PENDING != 0
-                    && let Some((place, fill)) = self.l2_mshrs.in_flight(line, now)
-                {
-                    self.l2.set_bits(slot, bits | state);
-                    self.l2_counters.merged += 1;
-                    let ready = fill.not_before(now + rules.l2_hit_cycles);
-                    return Ok(L2Access { ready, owned, missed: false, mshr: place as u16 });
-                }
-                self.l2.set_bits(slot, bits & !Tags::PENDING | state);
-                self.l2_counters.hits += 1;
-                let ready = When::new(now + rules.l2_hit_cycles, Cause::L2);
-                return Ok(L2Access { ready, owned, missed: false, mshr: 0 });
-            }
-        }
-
-        // A miss: an MSHR and a place must be free.
-        #[cfg(test)]
-        if self.fault == Some(crate::coherence::Fault::RefuseAlways) {
-            return Err(Again::mshr(now + 1));
-        }
-        let mshr = self.l2_mshrs.free(now).map_err(Again::mshr)?;
-        let place = match slot {
-            Some(slot) => slot,
-            None => self.l2.place_for(line).ok_or(Again::mshr(When::NEVER.at()))?,
-        };
-        self.l2_counters.misses += 1;
-        self.l2_mshrs.ask(mshr, line, place, 0, 0);
-        let owned = intent != Intent::Read;
-        let state = if owned { State::M } else { State::S };
-        let bits = state as u8 | Tags::PENDING;
-        let victim = if slot.is_some() {
-            self.l2_counters.upgrades += 1;
-            self.l2.set_bits(place, bits);
-            self.l2.touch(place);
-            None
-        } else {
-            self.reclaim(line);
-            self.l2.insert(place, line, bits).map(|(victim, bits)| self.throw_out(victim, bits))
-        };
-        let held = slot.is_some();
-        self.doubles += u32::from(held && self.l2.is_reserved(place));
-        self.l2.reserve(place);
-        self.outbox.push(Request { time: now, line, intent, mshr: mshr as u16, held, victim });
-        Ok(L2Access { ready: When::NEVER, owned, missed: true, mshr: mshr as u16 })
-    }
-
-    /// Takes `line` back from the requests that throw it out and have not left the core: it is wanted again before it went.
-    fn reclaim(&mut self, line: u32) {
-        for request in &mut self.outbox {
-            if let Some(victim) = &mut request.victim
-                && victim.line == line
-            {
-                victim.notify_home = false;
-            }
-        }
-    }
-
-    /// What becomes of a line that has to make room in the L2.
-    fn throw_out(&mut self, line: u32, bits: u8) -> Victim {
-        self.l2_counters.evictions += 1;
-        let mut state = State::from_bits(bits);
-        #[cfg(test)]
-        let keeps_l1 = self.fault == Some(crate::coherence::Fault::KeepInL1);
-        #[cfg(not(test))]
-        let keeps_l1 = false;
-        // The L2 is inclusive: the L1 loses what the L2 loses.
-        if let Some(slot) = self.l1.find(line)
-            && !keeps_l1
-        {
-            if self.l1.bits(slot) & Tags::DIRTY != 0 {
-                state = State::M;
-                self.l1_counters.writebacks += 1;
-            }
-            self.l1.remove(slot);
-            self.l1_counters.invalidations += 1;
-        }
-        let (_, actions) = transition(state, Event::Evict).expect("a held line can be evicted");
-        if actions.write_back {
-            self.l2_counters.writebacks += 1;
-        }
-        Victim { line, write_back: actions.write_back, notify_home: actions.notify_home }
-    }
-
-    /// Asks the host for what an access to `line` that misses will look at.
-    #[inline(always)]
-    pub(crate) fn prefetch(&self, line: u32) {
-        self.l2.prefetch(line);
-    }
-
     /// Reads or writes the line in `slot` of the L1, which has `bits`.
     #[inline(always)]
     fn use_l1(&mut self, slot: Slot, bits: u8, write: bool) {
         self.l1.set_bits(slot, if write { bits | Tags::DIRTY } else { bits });
         self.l1.touch(slot);
-    }
-
-    /// A modified line came down from the L1.
-    fn mark_modified(&mut self, line: u32) {
-        let slot = self.l2.find(line).expect("the L2 includes the L1");
-        let bits = self.l2.bits(slot);
-        self.l2.set_bits(slot, bits | State::M as u8);
     }
 
     /// The line of MSHR `mshr` of the L2 arrives at `fill`. What others claimed of it before concerns the copy before this one.

@@ -16,6 +16,7 @@
 //! Timing only: bytes live in the arena. A request that leaves the core is answered by the uncore ([`crate::coherence`]).
 
 mod access;
+mod l2;
 mod locks;
 mod mshr;
 mod ports;
