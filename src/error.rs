@@ -28,14 +28,14 @@ impl BadInput {
         BadInput { message: message.into(), help: None, place: None }
     }
 
-    /// The same bad input with a second sentence: what to do about it.
+    /// This bad input with a second sentence: what to do about it.
     #[must_use]
     pub fn with_help(mut self, help: impl Into<String>) -> BadInput {
         self.help = Some(help.into());
         self
     }
 
-    /// The same bad input with its place in the text of a file: shown with its line and column.
+    /// This bad input with its place in the text of a file: shown with its line and column.
     #[must_use]
     pub fn at(mut self, file: &str, text: &str, span: Range<usize>, label: impl Into<String>) -> BadInput {
         self.place = Some(Box::new(Place {

@@ -95,10 +95,12 @@ pub fn run_frame(request: &RunRequest, progress: &dyn Progress) -> Result<RunOut
 
     // What the eye sees: on the host, untimed, as in the paper.
     progress.part("eye view");
-    let (eye, input) = on_host_threads(host.threads, || {
+    let (eye, input, warnings) = on_host_threads(host.threads, || {
         let eye = EyeView::render(&scene.mesh, &scene.camera, scene.image.width, scene.image.height);
-        let input = ShadowInput::new(scene, &Adjacency::new(&scene.mesh), &eye);
-        (eye, input)
+        let adjacency = Adjacency::new(&scene.mesh);
+        let input = ShadowInput::new(scene, &adjacency, &eye);
+        let warnings = warnings(scene, &adjacency, &eye);
+        (eye, input, warnings)
     })?;
 
     // The kernels, on the machine.
@@ -113,7 +115,7 @@ pub fn run_frame(request: &RunRequest, progress: &dyn Progress) -> Result<RunOut
 
     // What came out.
     let frame = Frame::new(scene, &eye, &simulated.shadows.visibility);
-    let report = report(request, &eye, &simulated, &frame);
+    let report = report(request, &eye, &simulated, &frame, warnings);
     let instructions: u64 = report.phases.iter().map(|phase| phase.instructions.total).sum();
     let host = HostReport {
         seconds: watch.elapsed().as_secs_f64(),
@@ -196,7 +198,13 @@ fn no_memory(error: ArenaError) -> BadInput {
     )
 }
 
-fn report(request: &RunRequest, eye: &EyeView, simulated: &Simulated, frame: &Frame) -> RunReport {
+fn report(
+    request: &RunRequest,
+    eye: &EyeView,
+    simulated: &Simulated,
+    frame: &Frame,
+    warnings: Vec<Warning>,
+) -> RunReport {
     let RunRequest { scene, machine, fidelity, .. } = request;
     let timed = fidelity.is_timed();
     // Kernels that look for no silhouettes, as for a point light, count none; the scene still has them.
@@ -231,12 +239,12 @@ fn report(request: &RunRequest, eye: &EyeView, simulated: &Simulated, frame: &Fr
         phases,
         image: ImageSummary::of(&frame.visibility),
         model_error: crate::validate::model_error(),
-        warnings: warnings(scene, eye),
+        warnings,
     }
 }
 
 /// What makes the result of a frame suspicious.
-fn warnings(scene: &Scene, eye: &EyeView) -> Vec<Warning> {
+fn warnings(scene: &Scene, adjacency: &Adjacency, eye: &EyeView) -> Vec<Warning> {
     let mut warnings = Vec::new();
     if eye.points.is_empty() {
         warnings.push(Warning {
@@ -247,7 +255,7 @@ fn warnings(scene: &Scene, eye: &EyeView) -> Vec<Warning> {
                     .to_owned(),
         });
     }
-    warnings.extend(scene.warnings().iter().map(|warning| Warning {
+    warnings.extend(scene.warnings(adjacency).iter().map(|warning| Warning {
         kind: match warning {
             SceneWarning::LeftOut { .. } => WarningKind::LinesLeftOut,
             SceneWarning::LightTouches { .. } | SceneWarning::LightEnclosed { .. } => {

@@ -122,9 +122,9 @@ fn replaced<T: DeserializeOwned>(
 pub struct Changes {
     /// The whole: of a study, the sum over the points that both have.
     pub whole: Comparison,
-    /// Of two studies, the values of each point that both have, and what changed there.
+    /// The values of each point that both of two studies have, and what changed there.
     pub points: Vec<(Vec<Value>, Comparison)>,
-    /// Of two studies, how many points only one has, or failed in one.
+    /// How many points only one of two studies has, or failed in one.
     pub unmatched: usize,
 }
 

@@ -21,7 +21,7 @@ pub struct Clock {
 pub struct PhaseCosts {
     /// Which phase.
     pub phase: &'static Phase,
-    /// Its steps, in order, each with what it cost.
+    /// The steps of the phase, in order, each with what it cost.
     pub steps: Vec<(&'static str, StepReport)>,
     /// Cycles in which each core issued, by core; `None` when nothing is timed.
     pub core_busy_cycles: Option<Vec<u64>>,

@@ -18,7 +18,7 @@ use std::process::ExitCode;
 use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
 use lrbsim::BadInput;
-use lrbsim_workloads::Scene;
+use lrbsim_workloads::{Adjacency, Scene};
 
 /// Exit code for a check that failed: a comparison, a validation, a verification, or a study with points that have no
 /// result.
@@ -120,7 +120,7 @@ fn not_text() -> BadInput {
 
 /// Tells on standard error what is odd about a scene.
 fn warn(scene: &Scene) {
-    for warning in scene.warnings() {
+    for warning in scene.warnings(&Adjacency::new(&scene.mesh)) {
         // Nobody may be reading; the results are the same.
         let _ = writeln!(io::stderr(), "warning: {warning}");
     }

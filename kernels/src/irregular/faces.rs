@@ -128,7 +128,7 @@ impl Faces {
 /// Lays out the grids, a lane a face.
 struct Grids {
     bounds: Records<FaceBounds>,
-    /// As in [`LightConstants`].
+    /// Radius of the light for the bound of a penumbra, before rounding is added.
     bound_radius: f32,
     parameters: Columns<FaceParameters>,
     totals: Records<FaceTotals>,

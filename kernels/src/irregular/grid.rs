@@ -80,21 +80,15 @@ impl Grid {
     pub const fn cell_starts(&self, cells: u32) -> Addr {
         cell_starts(self.key_starts, cells)
     }
-
-    /// Words from the first column of samples to the one that holds their depths on `face`, but for the sign.
-    #[inline(always)]
-    pub fn depths_of_face<V: Vpu>(&self, v: &mut V, face: V::S32) -> V::S32 {
-        depths_of_face(v, self.samples, face)
-    }
 }
 
-/// What [`Grid::cell_starts`] is, of keys that begin at `key_starts`.
+/// Where, among the first samples of the keys at `key_starts`, those of the keys after `cells` cells more begin.
 #[inline(always)]
 pub(super) const fn cell_starts(key_starts: Addr, cells: u32) -> Addr {
     key_starts.plus_words((cells * SLICES) as u64)
 }
 
-/// What [`Grid::depths_of_face`] is, of `samples`.
+/// Words from the first column of `samples` to the one that holds their depths on `face`, but for the sign.
 #[inline(always)]
 pub(super) fn depths_of_face<V: Vpu>(v: &mut V, samples: Columns<Sample>, face: V::S32) -> V::S32 {
     scalar!(v, (face >> 1) * { samples.stride() as i32 })

@@ -13,7 +13,7 @@ use lrbsim_isa::{Addr, Compare, Kernel, Runner, Step, Stopped, Vpu, math};
 
 use super::CHILDREN;
 use super::faces::BinPlace;
-use super::grid::{Grid, Sample};
+use super::grid::{Grid, Sample, depths_of_face};
 use super::primitives::Kind;
 use super::raster::{CellRecord, Raster};
 use crate::clear;
@@ -90,11 +90,6 @@ impl Runs {
         let runs = counts.map(|count| Columns::overwritten(runner.arena, count));
         runner.run(&Step::ordered("runs", tasks, Fill { counters, splits, runs, block_count }))?;
         Ok(Runs { runs, counts, splits })
-    }
-
-    /// Number of runs of `kind`: tasks of the step that walks them.
-    pub fn count(&self, kind: Kind) -> u32 {
-        self.counts[kind as usize]
     }
 }
 
@@ -255,6 +250,7 @@ pub trait Shade {
 #[derive(Clone, Copy)]
 pub struct Walk {
     runs: Columns<Run>,
+    run_count: u32,
     grid: Grid,
     /// First records of the cells.
     list_starts: Addr,
@@ -269,11 +265,17 @@ impl Walk {
         let first_list = kind.first_list(grid.faces.cell_count());
         Walk {
             runs: runs.runs[kind as usize],
+            run_count: runs.counts[kind as usize],
             grid: *grid,
             list_starts: raster.lists.starts.plus_words(u64::from(first_list)),
             records: raster.records,
             sums,
         }
+    }
+
+    /// Number of runs that there are to walk: tasks of the step that does.
+    pub fn run_count(&self) -> u32 {
+        self.run_count
     }
 
     /// Walks run `run` and has `shade` see all of it.
@@ -296,7 +298,7 @@ impl Walk {
         // The face, for the depth of the samples.
         let bin = scalar!(v, first_cell >> 8);
         let face = v.s_load(grid.faces.bin_places.column(field!(BinPlace.face)), bin);
-        let depths = grid.depths_of_face(v, face);
+        let depths = depths_of_face(v, grid.samples, face);
 
         let mut seen = zero;
         for number in 0..CHILDREN as i32 {

@@ -14,32 +14,26 @@
 
 use lrbsim_isa::{Kernel, Runner, Step, Stopped, Vpu};
 
-use super::Sums;
-use crate::columns::Columns;
 use crate::expression::int;
 use crate::field;
 use crate::irregular::grid::{Grid, Sample};
-use crate::irregular::primitives::{BACK, FRONT, Kind, Primitives, TriangleRecord};
-use crate::irregular::raster::{CellRecord, Raster};
+use crate::irregular::primitives::{BACK, FRONT, Primitives, TriangleRecord};
+use crate::irregular::raster::CellRecord;
 use crate::irregular::receivers::Receiver;
-use crate::irregular::run::{Runs, Samples, Shade, Walk};
+use crate::irregular::run::{Samples, Shade, Walk};
 use crate::plane::{Vec3, dot, side};
 use crate::record::{Record, Records};
 
-/// Counts the layers of every sample in a block that holds triangles, to the layers of `sums`: one task a run.
+/// Counts the layers of every sample in a block that holds triangles, to the sums of `walk`: one task a run.
 pub fn count(
+    walk: Walk,
     primitives: &Primitives,
     grid: &Grid,
-    raster: &Raster,
-    runs: &Runs,
-    sums: Columns<Sums>,
     runner: &mut Runner<'_>,
 ) -> Result<(), Stopped> {
-    let sums = [0, 1].map(|i| sums.column(field!(Sums.layers[i])));
-    let walk = Walk::new(Kind::Triangles, grid, raster, runs, sums);
     let hard = Hard { walk, grid: *grid, triangles: primitives.triangles };
     // SAFETY: each task writes the sums of its own samples: a sample lies in one run.
-    runner.run(&unsafe { Step::independent("hard", runs.count(Kind::Triangles), hard) })
+    runner.run(&unsafe { Step::independent("hard", walk.run_count(), hard) })
 }
 
 /// Counts the layers of the samples of a run.

@@ -20,12 +20,13 @@ use lrbsim_isa::{Addr, Arena, Phase, Runner, Stopped};
 use lrbsim_workloads::ShadowInput;
 
 use crate::columns::Columns;
+use crate::field;
 use crate::irregular::bin::Bins;
 use crate::irregular::grid::Grid;
-use crate::irregular::primitives::{LightConstants, Primitives};
+use crate::irregular::primitives::{Kind, LightConstants, Primitives};
 use crate::irregular::raster::Raster;
 use crate::irregular::receivers::Receivers;
-use crate::irregular::run::Runs;
+use crate::irregular::run::{Runs, Walk};
 use crate::method::{Method, Shadows};
 use crate::scene::Scene;
 
@@ -131,11 +132,13 @@ pub fn run(input: &ShadowInput, runner: &mut Runner<'_>) -> Result<Arrays, Stopp
 
     runner.phase(&HARD);
     let sums = Columns::overwritten(runner.arena, receivers.count);
-    hard::count(&primitives, &grid, &raster, &runs, sums, runner)?;
+    let layers = [0, 1].map(|i| sums.column(field!(Sums.layers[i])));
+    hard::count(Walk::new(Kind::Triangles, &grid, &raster, &runs, layers), &primitives, &grid, runner)?;
 
     if light.is_soft() {
         runner.phase(&SOFT);
-        soft::sum(&primitives, &grid, &raster, &runs, sums, runner)?;
+        let coverage = [0, 1].map(|i| sums.column(field!(Sums.coverage[i])));
+        soft::sum(Walk::new(Kind::Edges, &grid, &raster, &runs, coverage), &primitives, runner)?;
     }
 
     runner.phase(&COMPOSE);

@@ -12,14 +12,11 @@
 
 use lrbsim_isa::{Kernel, Runner, Step, Stopped, Vpu};
 
-use super::Sums;
-use crate::columns::Columns;
 use crate::expression::int;
 use crate::field;
-use crate::irregular::grid::Grid;
-use crate::irregular::primitives::{EdgeRecord, Kind, LightConstants, Primitives};
-use crate::irregular::raster::{CellRecord, Raster};
-use crate::irregular::run::{Runs, Samples, Shade, Walk};
+use crate::irregular::primitives::{EdgeRecord, LightConstants, Primitives};
+use crate::irregular::raster::CellRecord;
+use crate::irregular::run::{Samples, Shade, Walk};
 use crate::light::View;
 use crate::plane::{Vec3, side};
 use crate::record::{Record, Records};
@@ -28,20 +25,11 @@ use crate::segment::segment;
 /// A whole light in fixed point: sums of 32-bit integers are the same in any order [algorithms, 6.9], and hold 127 lights.
 pub const WHOLE: f32 = (1 << 24) as f32;
 
-/// Sums the parts of edges for every sample in a block that holds edges, to the coverage of `sums`: one task a run.
-pub fn sum(
-    primitives: &Primitives,
-    grid: &Grid,
-    raster: &Raster,
-    runs: &Runs,
-    sums: Columns<Sums>,
-    runner: &mut Runner<'_>,
-) -> Result<(), Stopped> {
-    let sums = [0, 1].map(|i| sums.column(field!(Sums.coverage[i])));
-    let walk = Walk::new(Kind::Edges, grid, raster, runs, sums);
+/// Sums the parts of edges for every sample in a block that holds edges, to the sums of `walk`: one task a run.
+pub fn sum(walk: Walk, primitives: &Primitives, runner: &mut Runner<'_>) -> Result<(), Stopped> {
     let soft = Soft { walk, light: primitives.light, edges: primitives.edges };
     // SAFETY: each task writes the sums of its own samples: a sample lies in one run.
-    runner.run(&unsafe { Step::independent("soft", runs.count(Kind::Edges), soft) })
+    runner.run(&unsafe { Step::independent("soft", walk.run_count(), soft) })
 }
 
 /// Sums the parts of edges for the samples of a run.

@@ -145,8 +145,8 @@ pub trait TaskSource: Sync {
 
     /// Runs task `task` functionally and leaves its stream in `stream`, whose old content is dropped.
     ///
-    /// Of a step that [`TaskSource::is_ordered`] tasks are asked for in index order; of any other in any order and from
-    /// several host threads at once.
+    /// Tasks of a step that [`TaskSource::is_ordered`] are asked for in index order, those of any other in any order and
+    /// from several host threads at once.
     fn record(&self, task: u32, stream: &mut Stream);
 
     /// Runs `tasks` functionally, records nothing, and adds their operations to `counts`; asked for like

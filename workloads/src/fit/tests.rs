@@ -68,7 +68,7 @@ fn fitted_views_show_shadows_and_their_lights_are_clear_of_everything() {
         };
         let (dark, penumbra) = (share(|v| v < 0.5), share(|v| v > 0.0 && v < 1.0));
         assert!(dark > 0.08 && dark < 0.6 && penumbra > 0.03, "{path}: {dark} dark, {penumbra} penumbra");
-        assert_eq!(scene.warnings(), [], "{path}");
+        assert_eq!(scene.warnings(&Adjacency::new(&scene.mesh)), [], "{path}");
     }
 }
 

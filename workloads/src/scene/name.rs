@@ -45,7 +45,7 @@ impl SceneName {
         }
     }
 
-    /// The same scene for somebody in `folder`: files are relative to it.
+    /// The name of this scene for somebody in `folder`: files are relative to it.
     #[must_use]
     pub fn within(self, folder: &Path) -> Self {
         match self {

@@ -18,7 +18,8 @@ fn shipped_scenes_load_and_their_bodies_are_closed() {
 #[test]
 fn nothing_is_odd_about_shipped_scenes() {
     for name in builtin_names() {
-        assert_eq!(load_scene(name, Path::new(".")).expect(name).warnings(), [], "{name}");
+        let scene = load_scene(name, Path::new(".")).expect(name);
+        assert_eq!(scene.warnings(&Adjacency::new(&scene.mesh)), [], "{name}");
     }
 }
 
@@ -29,7 +30,7 @@ fn a_light_that_touches_something_is_warned_of() {
     let center = top.expect("a mesh has vertices") + DVec3::new(0.0, 0.01, 0.0);
     for (radius, warned) in [(0.5, true), (0.011, true), (0.005, false)] {
         scene.light = Light::Sphere { center, radius };
-        let found = scene.warnings();
+        let found = scene.warnings(&Adjacency::new(&scene.mesh));
         let touches = |warning: &SceneWarning| matches!(warning, SceneWarning::LightTouches { .. });
         assert_eq!(found.iter().any(touches), warned, "{radius}: {found:?}");
     }
@@ -47,7 +48,7 @@ fn a_light_inside_a_body_is_warned_of_unless_the_camera_is_there_too() {
     {
         scene.light = Light::Sphere { center, radius: 1e-4 };
         scene.camera.eye = eye;
-        let found = scene.warnings();
+        let found = scene.warnings(&Adjacency::new(&scene.mesh));
         let enclosed = |warning: &SceneWarning| matches!(warning, SceneWarning::LightEnclosed { .. });
         assert_eq!(found.iter().any(enclosed), warned, "{center} {eye}: {found:?}");
     }

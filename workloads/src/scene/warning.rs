@@ -72,9 +72,9 @@ fn named(before: &str, object: &str) -> String {
 
 impl Scene {
     /// What should be known before the scene is drawn: lines of its model that were left out, a light that touches
-    /// something or is shut in. Looks at every triangle.
+    /// something or is shut in. `adjacency` must be that of the mesh. Looks at every triangle.
     #[must_use]
-    pub fn warnings(&self) -> Vec<SceneWarning> {
+    pub fn warnings(&self, adjacency: &Adjacency) -> Vec<SceneWarning> {
         // Its name alone: where a file lies does not belong in results.
         let file =
             Path::new(&self.source).file_name().map_or_else(String::new, |name| name.display().to_string());
@@ -82,7 +82,7 @@ impl Scene {
             .left_out
             .iter()
             .map(|lines| SceneWarning::LeftOut { file: file.clone(), lines: lines.clone() });
-        left_out.chain(self.touched().or_else(|| self.enclosed())).collect()
+        left_out.chain(self.touched().or_else(|| self.enclosed(adjacency))).collect()
     }
 
     /// The triangle that is nearest to a light that reaches it.
@@ -101,9 +101,8 @@ impl Scene {
 
     /// A closed body that the light is in and the camera is not. A room that both are in, or that has an opening, is
     /// none.
-    fn enclosed(&self) -> Option<SceneWarning> {
-        let adjacency = Adjacency::new(&self.mesh);
-        let about = |place| stances(&self.mesh, &adjacency, place);
+    fn enclosed(&self, adjacency: &Adjacency) -> Option<SceneWarning> {
+        let about = |place| stances(&self.mesh, adjacency, place);
         let light = about(self.light.center());
         if !light.contains(&Stance::TurnedOver) {
             return None;

@@ -5,7 +5,7 @@
 //! windows the calling thread alone has everything.
 
 use super::cores::{Cores, Slot};
-use super::step::{Step, Tally};
+use super::step::{StepTasks, Tally};
 use crate::Cycle;
 use crate::core::CoreTables;
 use crossbeam_utils::CachePadded;
@@ -40,7 +40,7 @@ pub(super) trait Hands {
     fn run_window(&mut self, cores: &mut Cores, tables: &CoreTables, start: Cycle, end: Cycle);
 
     /// Records `tasks`, the next of `step`; returns false, and does nothing, when there is nobody to share them with.
-    fn record(&mut self, step: &mut Step<'_>, tasks: Range<u32>) -> bool;
+    fn record(&mut self, step: &mut StepTasks<'_>, tasks: Range<u32>) -> bool;
 }
 
 /// The calling thread, alone.
@@ -51,7 +51,7 @@ impl Hands for Alone {
         cores.each_active(|core| core.run_window(tables, start, end));
     }
 
-    fn record(&mut self, _step: &mut Step<'_>, _tasks: Range<u32>) -> bool {
+    fn record(&mut self, _step: &mut StepTasks<'_>, _tasks: Range<u32>) -> bool {
         false
     }
 }
@@ -303,7 +303,7 @@ impl Hands for Captain<'_> {
         std::mem::swap(&mut *write(&crew.slots), cores.slots());
     }
 
-    fn record(&mut self, step: &mut Step<'_>, tasks: Range<u32>) -> bool {
+    fn record(&mut self, step: &mut StepTasks<'_>, tasks: Range<u32>) -> bool {
         let (count, crew) = (tasks.len(), self.crew);
         if count < 2 {
             return false;

@@ -38,7 +38,7 @@ use hands::{Alone, Captain, Crew, Hands};
 use laws::Carried;
 use lrbsim_isa::program::TaskSource;
 use lrbsim_isa::stream::Stream;
-use step::Step;
+use step::StepTasks;
 
 /// A simulated chip. Its caches stay warm from step to step.
 ///
@@ -77,7 +77,7 @@ struct Parts<'a, 's, O> {
     cores: &'a mut Cores,
     tables: &'a CoreTables,
     uncore: &'a mut Uncore,
-    step: &'a mut Step<'s>,
+    step: &'a mut StepTasks<'s>,
     hands: &'a mut dyn Hands,
     /// Room for the requests of a window: time, core and number.
     order: Vec<u64>,
@@ -132,7 +132,7 @@ impl<O: Observer> Chip<O> {
     pub fn run_step(&mut self, tasks: &dyn TaskSource) -> Result<StepReport, Stuck> {
         let total_tasks = tasks.tasks();
         let threads = total_tasks.min(self.spec.cores * self.spec.threads_per_core);
-        let mut step = Step::new(tasks, threads, &self.spec, std::mem::take(&mut self.spare));
+        let mut step = StepTasks::new(tasks, threads, &self.spec, std::mem::take(&mut self.spare));
 
         // What earlier steps left on its way arrives first.
         let start = self.now;

@@ -31,7 +31,8 @@ impl Tally {
     }
 }
 
-pub(super) struct Step<'a> {
+/// The tasks of a step under way, as cores take them.
+pub(super) struct StepTasks<'a> {
     source: &'a dyn TaskSource,
     counter: TaskCounter,
     /// Streams of the tasks that come next, recorded ahead.
@@ -40,16 +41,16 @@ pub(super) struct Step<'a> {
     pub(super) tally: Tally,
 }
 
-impl<'a> Step<'a> {
+impl<'a> StepTasks<'a> {
     /// A step whose tasks `threads` hardware threads will ask for.
     pub(super) fn new(
         source: &'a dyn TaskSource,
         threads: u32,
         spec: &MachineSpec,
         spare: Vec<Stream>,
-    ) -> Step<'a> {
+    ) -> StepTasks<'a> {
         let counter = TaskCounter::new(source.tasks(), threads, spec);
-        Step { source, counter, recorded: VecDeque::new(), spare, tally: Tally::default() }
+        StepTasks { source, counter, recorded: VecDeque::new(), spare, tally: Tally::default() }
     }
 
     /// Takes the buffers of streams that have been run.

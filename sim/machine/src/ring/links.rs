@@ -22,7 +22,7 @@ pub(super) struct Counts {
     /// The ways from each stop to each other, row by row, for each size and speed of ring; of each way two, for even cycles and
     /// for odd ones, which take turns where both ways round are as short.
     ways: Vec<[CountedWay; 2]>,
-    /// By ring, lane and direction; near windows.
+    /// By ring, strand and direction; near windows.
     links: Vec<Near<Taken, 64>>,
     far: Far<Taken>,
     /// By row of `links` and ride: windows in which a link of the ride is full.
@@ -52,10 +52,10 @@ impl Counts {
         }
     }
 
-    /// Adds the links of a ring of so many lanes; returns the first.
-    pub(super) fn add_links(&mut self, lanes: usize) -> u32 {
+    /// Adds the links of a ring of so many strands; returns the first.
+    pub(super) fn add_links(&mut self, strands: usize) -> u32 {
         let first = self.links.len();
-        self.links.resize(first + 2 * lanes, Near::EMPTY);
+        self.links.resize(first + 2 * strands, Near::EMPTY);
         first as u32
     }
 

@@ -47,22 +47,23 @@ pub(crate) struct Sent {
     pub(crate) waited: Cycle,
 }
 
-/// Which lanes of a ring a kind of message takes, in turns.
+/// Which strands of a ring a kind of message takes, in turns. A strand is one of the buses that run side by side: for lines,
+/// for addresses, for acknowledgements.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Lanes {
+struct Strands {
     first: u32,
     count: u32,
     /// Whose turn it is.
     turn: u32,
 }
 
-impl Lanes {
-    /// The next lane.
+impl Strands {
+    /// The next strand.
     #[inline(always)]
     fn next(&mut self) -> u32 {
-        let lane = self.first + self.turn;
+        let strand = self.first + self.turn;
         self.turn = if self.turn + 1 == self.count { 0 } else { self.turn + 1 };
-        lane
+        strand
     }
 }
 
@@ -109,10 +110,10 @@ pub(crate) struct Rings {
     tracks: Tracks,
     /// Slots that a message takes, by kind.
     slots: [u32; 3],
-    /// Lanes that it takes, by kind.
-    lanes: [Lanes; 3],
-    /// Lanes of each ring.
-    lane_count: u32,
+    /// Strands that a message takes, by kind.
+    strands: [Strands; 3],
+    /// Strands of each ring.
+    strand_count: u32,
     /// Lines sent.
     lines: u64,
     counters: RingCounters,
@@ -121,7 +122,7 @@ pub(crate) struct Rings {
 /// The slots of all rings.
 #[derive(Debug, Clone, PartialEq)]
 struct Tracks {
-    /// By ring, lane and direction.
+    /// By ring, strand and direction.
     belts: Vec<Belt>,
     counts: Counts,
 }
@@ -139,15 +140,15 @@ impl Rings {
     pub(crate) fn new(spec: &MachineSpec, exact: bool) -> Rings {
         let rings = spec.ring.rings;
         let size = |ring: u32| first_core(spec.cores, rings, ring + 1) - first_core(spec.cores, rings, ring);
-        // One lane for lines, then those for addresses, then those for acknowledgements.
+        // One strand for lines, then those for addresses, then those for acknowledgements.
         let (address, acknowledge) = (spec.ring.address_rings, spec.ring.acknowledge_rings);
-        let lane_count = 1 + address + acknowledge;
-        let addresses = Lanes { first: 1, count: address, turn: 0 };
+        let strand_count = 1 + address + acknowledge;
+        let addresses = Strands { first: 1, count: address, turn: 0 };
         let acknowledges = match acknowledge {
             0 => addresses,
-            count => Lanes { first: 1 + address, count, turn: 0 },
+            count => Strands { first: 1 + address, count, turn: 0 },
         };
-        let lanes = [addresses, acknowledges, Lanes { first: 0, count: 1, turn: 0 }];
+        let strands = [addresses, acknowledges, Strands { first: 0, count: 1, turn: 0 }];
         let places: Vec<Place> =
             (0..rings).flat_map(|ring| (0..size(ring)).map(move |stop| Place { ring, stop })).collect();
 
@@ -161,14 +162,14 @@ impl Rings {
             let track = if exact || stops > links::STOPS_MAX {
                 let first = tracks.belts.len();
                 // Links are pipelined: between two stops there are as many slots as a hop has cycles.
-                let belts = (0..2 * lane_count).map(|_| Belt::new(stops * hop_cycles));
+                let belts = (0..2 * strand_count).map(|_| Belt::new(stops * hop_cycles));
                 tracks.belts.extend(belts);
                 Track::Slots(first as u32)
             } else {
                 let counts = &mut tracks.counts;
                 let ways =
                     *ways.entry((stops, hop_cycles)).or_insert_with(|| counts.add_ways(stops, hop_cycles));
-                Track::Counts(ways, counts.add_links(lane_count as usize))
+                Track::Counts(ways, counts.add_links(strand_count as usize))
             };
             Loop { stops, hop_cycles, track }
         });
@@ -178,8 +179,8 @@ impl Rings {
             loops: loops.collect(),
             tracks,
             slots: [1, 1, spec.ring.line_slots],
-            lanes,
-            lane_count,
+            strands,
+            strand_count,
             lines: 0,
             counters: RingCounters::default(),
         }
@@ -194,16 +195,16 @@ impl Rings {
             return Sent { at: now, waited: 0 };
         }
         let slots = self.slots[message as usize];
-        let lane = self.lanes[message as usize].next();
+        let strand = self.strands[message as usize].next();
         let [from, to] = [from, to].map(|core| self.places[core as usize]);
         let trip = Trip { at: now, waited: 0, hops: 0 };
         let trip = if from.ring == to.ring {
-            self.ride(from.ring as usize, lane, (from.stop, to.stop), slots, floor, trip)
+            self.ride(from.ring as usize, strand, (from.stop, to.stop), slots, floor, trip)
         } else {
             let bridge = self.loops.len() - 1;
-            let trip = self.ride(from.ring as usize, lane, (from.stop, 0), slots, floor, trip);
-            let trip = self.ride(bridge, lane, (from.ring, to.ring), slots, floor, trip);
-            self.ride(to.ring as usize, lane, (0, to.stop), slots, floor, trip)
+            let trip = self.ride(from.ring as usize, strand, (from.stop, 0), slots, floor, trip);
+            let trip = self.ride(bridge, strand, (from.ring, to.ring), slots, floor, trip);
+            self.ride(to.ring as usize, strand, (0, to.stop), slots, floor, trip)
         };
         self.counters.messages += 1;
         self.lines += u64::from(message == Message::Line);
@@ -217,7 +218,7 @@ impl Rings {
     fn ride(
         &mut self,
         ring: usize,
-        lane: u32,
+        strand: u32,
         (from, to): (u32, u32),
         slots: u32,
         floor: Cycle,
@@ -230,10 +231,10 @@ impl Rings {
         let Boarding { board, ride_cycles, hops } = match ring.track {
             Track::Counts(ways, links) => {
                 let way = ways + from * ring.stops + to;
-                self.tracks.counts.ride(way, links + 2 * lane, slots, trip.at, floor)
+                self.tracks.counts.ride(way, links + 2 * strand, slots, trip.at, floor)
             }
             Track::Slots(belts) => {
-                self.tracks.board(ring, belts + 2 * lane, (from, to), slots, trip.at, floor)
+                self.tracks.board(ring, belts + 2 * strand, (from, to), slots, trip.at, floor)
             }
         };
         Trip {
@@ -252,7 +253,7 @@ impl Rings {
     pub(crate) fn slot_hops_from(&self, from: Cycle) -> u64 {
         let belts_of = |ring: &Loop| match ring.track {
             Track::Slots(first) => {
-                let belts = self.tracks.belts[first as usize..].iter().take(2 * self.lane_count as usize);
+                let belts = self.tracks.belts[first as usize..].iter().take(2 * self.strand_count as usize);
                 belts.map(|belt| belt.taken_from(from)).sum::<u64>().div_ceil(ring.hop_cycles.into())
             }
             Track::Counts(..) => 0,
@@ -260,7 +261,7 @@ impl Rings {
         self.tracks.counts.taken_from(from) + self.loops.iter().map(belts_of).sum::<u64>()
     }
 
-    /// Most slots of links, one a hop, that all lanes of all rings carry in `cycles` cycles in a row. Rounded up: by one
+    /// Most slots of links, one a hop, that all strands of all rings carry in `cycles` cycles in a row. Rounded up: by one
     /// cycle, and where slots are counted in windows to whole windows and one more.
     pub(crate) fn peak_slot_hops(&self, cycles: Cycle) -> u64 {
         let peak = |ring: &Loop| {
@@ -269,7 +270,7 @@ impl Rings {
                 Track::Counts(..) => (cycles.div_ceil(links::WINDOW) + 1) * links::WINDOW,
             };
             // A ring of one stop has no links.
-            let links = if ring.stops == 1 { 0 } else { 2 * self.lane_count * ring.stops };
+            let links = if ring.stops == 1 { 0 } else { 2 * self.strand_count * ring.stops };
             u64::from(links) * of_link
         };
         self.loops.iter().map(peak).sum()

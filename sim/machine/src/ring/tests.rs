@@ -50,7 +50,7 @@ fn ways_are_never_longer_than_half_a_ring() {
 }
 
 #[test]
-fn a_narrow_ring_sends_a_line_in_pieces() {
+fn a_narrow_ring_sends_a_line_in_parts() {
     for mut rings in both(12, |config| config.ring.bytes_per_cycle = 16) {
         assert_eq!(rings.send(0, 3, Message::Line, 100, 0).at, 100 + 3 + 3);
         assert_eq!(rings.send(0, 3, Message::Address, 100, 0).at, 100 + 3);
@@ -132,7 +132,7 @@ impl Resource for Link {
     }
 
     fn peak(&self, cycles: Cycle) -> u64 {
-        // Twelve stops, two directions, two lanes.
+        // Twelve stops, two directions, two strands.
         self.0.peak_slot_hops(cycles) / 48
     }
 }
@@ -223,7 +223,7 @@ fn links_that_forget_are_caught() {
 }
 
 #[test]
-fn a_line_in_pieces_takes_a_slot_of_a_link_for_each() {
+fn a_line_in_parts_takes_a_slot_of_a_link_for_each() {
     for mut rings in both(12, |config| config.ring.bytes_per_cycle = 1) {
         let last = (0..100).map(|_| rings.send(0, 1, Message::Line, 0, 0).at).max();
         let waited = rings.take_counters().wait_cycles;
@@ -252,7 +252,7 @@ fn slots_that_are_taken_ahead_are_counted() {
 #[test]
 fn kinds_of_message_take_turns_of_their_own() {
     let [mut rings, _] = both(12, |config| config.ring.address_rings = 2);
-    // Two at once find two lanes, whatever else is sent between them.
+    // Two at once find two strands, whatever else is sent between them.
     for _ in 0..2 {
         assert_eq!(rings.send(0, 1, Message::Address, 10, 0).waited, 0);
         rings.send(4, 7, Message::Line, 10, 0);
