@@ -15,7 +15,7 @@ use lrbsim_workloads::{Adjacency, EyeView, Scene, SceneWarning, ShadowInput, sil
 use crate::algorithm::Algorithm;
 use crate::engine::Engine;
 use crate::error::BadInput;
-use crate::host::{Stopwatch, peak_rss_bytes};
+use crate::host::{Stopwatch, node, peak_rss_bytes};
 use crate::inputs::Machine;
 use crate::progress::Progress;
 
@@ -118,6 +118,7 @@ pub fn run_frame(request: &RunRequest, progress: &dyn Progress) -> Result<RunOut
     let report = report(request, &eye, &simulated, &frame, warnings);
     let instructions: u64 = report.phases.iter().map(|phase| phase.instructions.total).sum();
     let host = HostReport {
+        node: node(),
         seconds: watch.elapsed().as_secs_f64(),
         simulated_instructions_per_second: (instructions * (1 + u64::from(request.warm_frames))) as f64
             / simulation_seconds.max(1e-9),

@@ -1,21 +1,29 @@
 //! Finished points, each in a file named by a hash of everything that determines it; studies share them.
 //!
 //! ```text
-//! CACHE/ab/ab12….json      a finished point, whole or not there
-//! CACHE/ab/ab12….lock      held while somebody computes it; the system lets go of it when that process dies
-//! CACHE/ab/ab12….partial   being written, by the holder of the lock alone; what a killed one left is written over
+//! CACHE/ab/ab12….json                 a finished point, whole or not there
+//! CACHE/ab/ab12….lock                 held while somebody computes it; the system lets go of it when that process dies
+//! CACHE/ab/ab12….HOST-PID.partial     being written by this process of this host; what a killed one left is removed by
+//!                                     who finishes the point
 //! ```
+//!
+//! Locks save work and no more: on a file system without locks, or when one outlives its holder, two may compute a point,
+//! and each puts the same whole file in place.
 
+use std::io;
 use std::path::{Path, PathBuf};
 
-use lrbsim_reports::RunReport;
 use lrbsim_reports::files::write_with_temporary;
 use lrbsim_reports::picture::sha256;
+use lrbsim_reports::{HostReport, RunReport};
 use lrbsim_workloads::Scene;
+use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 
 use crate::error::BadInput;
-use crate::frame::{SEMANTICS, scene_hash};
+use crate::frame::{RunOutput, SEMANTICS, scene_hash};
+use crate::host::{build, node};
+use crate::results::safe_name;
 use lrbsim_reports::lock::Lock;
 
 /// A folder of finished points.
@@ -28,16 +36,39 @@ pub struct Cache(PathBuf);
 pub struct Entry {
     /// Hash of everything that determines it.
     pub key: String,
-    /// Host seconds that the point took: what is known about the cost of others like it.
-    pub host_seconds: f64,
+    /// SHA-256 of the program that computed the point.
+    pub build: String,
+    /// What the point cost the host: what is known about the cost of others like it.
+    pub host: HostReport,
     /// What was measured at the point, without the sources of the machine's numbers.
     pub report: RunReport,
+}
+
+/// What a finished point's file says before its report, which is as large as all reports.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Head {
+    key: String,
+    build: String,
+    host: HostReport,
+    #[serde(rename = "report")]
+    _report: IgnoredAny,
+}
+
+/// What is known of a finished point without its report.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Finished {
+    /// SHA-256 of the program that computed the point.
+    pub build: String,
+    /// Host seconds that the point took.
+    pub seconds: f64,
 }
 
 /// The right to compute a point, until it is dropped. Whoever gets it looks the point up once more.
 pub struct Claim {
     file: PathBuf,
-    _lock: Lock,
+    /// `None` where there is nothing that locks, or nobody was waited for.
+    _lock: Option<Lock>,
 }
 
 /// Everything that determines a point, names included: they stand in its report.
@@ -67,7 +98,8 @@ impl Inputs<'_> {
 
 impl Entry {
     /// A point that was run, under the key of what its report says was run.
-    pub fn new(mut report: RunReport, host_seconds: f64) -> Entry {
+    pub fn new(output: RunOutput) -> Entry {
+        let RunOutput { mut report, host, .. } = output;
         report.machine.sources.clear();
         let provenance = &report.provenance;
         let scene = SceneId { name: report.scene.name.clone(), hash: provenance.scene_hash.clone() };
@@ -78,7 +110,7 @@ impl Entry {
             fidelity: &provenance.fidelity,
             warm_frames: provenance.warm_frames,
         };
-        Entry { key: inputs.key(), host_seconds, report }
+        Entry { key: inputs.key(), build: build().to_owned(), host, report }
     }
 }
 
@@ -117,15 +149,38 @@ impl Cache {
         serde_json::from_str(&text).ok().filter(|entry: &Entry| entry.key == key)
     }
 
+    /// What is known of the finished point of this key without its report: its file is read, and is sound as a whole.
+    pub fn peek(&self, key: &str) -> Option<Finished> {
+        let text = std::fs::read_to_string(self.file(key)).ok()?;
+        let head: Head = serde_json::from_str(&text).ok()?;
+        (head.key == key).then_some(Finished { build: head.build, seconds: head.host.seconds })
+    }
+
     /// Claims a point; `None` while another process or thread computes it.
     pub fn claim(&self, key: &str) -> Result<Option<Claim>, BadInput> {
+        let file = self.place(key)?;
+        match Lock::try_now(&file.with_extension("lock")) {
+            Ok(lock) => Ok(lock.map(|lock| Claim { file, _lock: Some(lock) })),
+            Err(error) if is_without_locks(&error) => Ok(Some(Claim { file, _lock: None })),
+            Err(error) => Err(self.cannot_write(&error)),
+        }
+    }
+
+    /// Claims a point whoever else may compute it.
+    pub fn claim_anyway(&self, key: &str) -> Result<Claim, BadInput> {
+        Ok(Claim { file: self.place(key)?, _lock: None })
+    }
+
+    /// The file of a point, in a folder that is there.
+    fn place(&self, key: &str) -> Result<PathBuf, BadInput> {
         let file = self.file(key);
-        let cannot = |error: std::io::Error| {
-            BadInput::new(format!("cannot write to the cache `{}`: {error}", self.0.display()))
-        };
-        std::fs::create_dir_all(file.parent().expect("it lies in a folder")).map_err(cannot)?;
-        let lock = Lock::try_now(&file.with_extension("lock")).map_err(cannot)?;
-        Ok(lock.map(|lock| Claim { file, _lock: lock }))
+        let folder = file.parent().expect("it lies in a folder");
+        std::fs::create_dir_all(folder).map_err(|error| self.cannot_write(&error))?;
+        Ok(file)
+    }
+
+    fn cannot_write(&self, error: &io::Error) -> BadInput {
+        BadInput::new(format!("cannot write to the cache `{}`: {error}", self.0.display()))
     }
 
     fn file(&self, key: &str) -> PathBuf {
@@ -137,9 +192,38 @@ impl Claim {
     /// Puts the finished point in place.
     pub fn finish(&self, entry: &Entry) -> Result<(), BadInput> {
         let text = serde_json::to_string(entry).expect("an entry has string keys");
-        write_with_temporary(&self.file, &self.file.with_extension("partial"), text.as_bytes())?;
+        let own = format!("{}-{}.{PARTIAL}", safe_name(&node()), std::process::id());
+        let written = write_with_temporary(&self.file, &self.file.with_extension(own), text.as_bytes());
+        // Somebody else may have put the same file in place meanwhile, and removed what he found beside it.
+        if let Err(error) = written {
+            let is_there = error.source.kind() == io::ErrorKind::NotFound && self.file.is_file();
+            return if is_there { Ok(()) } else { Err(error.into()) };
+        }
+        self.clean();
         Ok(())
     }
+
+    /// Removes what killed processes left beside the finished point. Best effort: it is in nobody's way.
+    fn clean(&self) {
+        let (Some(folder), Some(stem)) = (self.file.parent(), self.file.file_stem()) else { return };
+        for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+            let (name, stem) = (entry.file_name(), stem.to_string_lossy());
+            let name = name.to_string_lossy();
+            if name.ends_with(PARTIAL) && name.split('.').next() == Some(&*stem) {
+                let _ = std::fs::remove_file(entry.path());
+            }
+        }
+    }
+}
+
+/// Last extension of files that are being written.
+const PARTIAL: &str = "partial";
+
+/// Whether the file system refuses every lock.
+fn is_without_locks(error: &io::Error) -> bool {
+    /// What Linux says where a network file system has no server of locks.
+    const ENOLCK: i32 = 37;
+    error.kind() == io::ErrorKind::Unsupported || error.raw_os_error() == Some(ENOLCK)
 }
 
 #[cfg(test)]
@@ -156,8 +240,10 @@ mod tests {
             warm_frames: 0,
             host: HostOptions::default(),
         };
-        let report = run_frame(&request, &Quiet).expect("it runs").report;
-        Entry { key: key.to_owned(), host_seconds: 1.5, report }
+        let mut entry = Entry::new(run_frame(&request, &Quiet).expect("it runs"));
+        entry.key = key.to_owned();
+        entry.host.seconds = 1.5;
+        entry
     }
 
     #[test]
@@ -168,9 +254,33 @@ mod tests {
         let claim = cache.claim("abc").expect("writable").expect("free");
         claim.finish(&entry("abc")).expect("writable");
         drop(claim);
-        assert_eq!(cache.get("abc").expect("finished").host_seconds, 1.5);
+        let found = cache.get("abc").expect("finished");
+        assert_eq!((found.host.seconds, found.build.len()), (1.5, 64));
+        assert_eq!(cache.peek("abc"), Some(Finished { build: found.build, seconds: 1.5 }));
         let names: Vec<_> = std::fs::read_dir(folder.path().join("ab")).expect("there").collect();
         assert_eq!(names.len(), 1, "{names:?}");
+    }
+
+    #[test]
+    fn what_killed_processes_left_goes_when_the_point_is_finished() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let cache = Cache::open(folder.path()).expect("writable");
+        let claim = cache.claim("abc").expect("writable").expect("free");
+        let left = ["abc.a-1.partial", "abcd.a-1.partial"].map(|name| folder.path().join("ab").join(name));
+        left.iter().for_each(|file| std::fs::write(file, "{\"key\"").expect("writable"));
+        claim.finish(&entry("abc")).expect("writable");
+        assert_eq!(left.map(|file| file.exists()), [false, true], "the other is of another point");
+    }
+
+    #[test]
+    fn a_twin_that_does_not_wait_puts_the_same_point_in_place() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let cache = Cache::open(folder.path()).expect("writable");
+        let claim = cache.claim("abc").expect("writable").expect("free");
+        let twin = cache.claim_anyway("abc").expect("writable");
+        twin.finish(&entry("abc")).expect("writable");
+        claim.finish(&entry("abc")).expect("writable");
+        assert!(cache.get("abc").is_some());
     }
 
     #[test]
@@ -189,8 +299,11 @@ mod tests {
         let cache = Cache::open(folder.path()).expect("writable");
         let claim = cache.claim("abc").expect("writable").expect("free");
         claim.finish(&entry("another")).expect("writable");
-        assert!(cache.get("abc").is_none());
-        std::fs::write(folder.path().join("ab/abc.json"), "{\"key\": \"abc\"").expect("writable");
-        assert!(cache.get("abc").is_none());
+        assert!(cache.get("abc").is_none() && cache.peek("abc").is_none());
+        let text = serde_json::to_string(&entry("abc")).expect("string keys");
+        for bytes in [1, 10, text.len() / 2, text.len() - 1] {
+            std::fs::write(folder.path().join("ab/abc.json"), &text[..bytes]).expect("writable");
+            assert!(cache.get("abc").is_none() && cache.peek("abc").is_none(), "{bytes} bytes of it");
+        }
     }
 }
