@@ -32,12 +32,12 @@ fn main() -> Result<(), Error> {
     let number = std::env::args().skip(1).find_map(|word| word.parse().ok());
     let points: u32 = number.unwrap_or(POINTS);
     let folder = tempfile::tempdir()?;
-    let hops: Vec<u32> = (1..=points.div_ceil(100)).collect();
+    let rates: Vec<u32> = (10..10 + points.div_ceil(100)).collect();
     let latencies: Vec<u32> = (40..140).collect();
     let study = json!({
         "name": "quick",
         "base": {"scene": "tiny", "fidelity": "functional", "set": {"scene.image.width": 8, "scene.image.height": 8}},
-        "axes": [{"path": "ring.hop_cycles", "values": hops}, {"path": "memory.latency_ns", "values": latencies}],
+        "axes": [{"path": "memory.bandwidth_gb_per_s", "values": rates}, {"path": "memory.latency_ns", "values": latencies}],
         "metric": "phases.soft.instructions.total",
     });
     std::fs::write(folder.path().join("quick.json"), study.to_string())?;

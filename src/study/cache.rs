@@ -3,6 +3,7 @@
 //! ```text
 //! CACHE/ab/ab12….json                 a finished point, whole or not there
 //! CACHE/ab/ab12….lock                 held while somebody computes it; the system lets go of it when that process dies
+//! CACHE/locks/HOST-PID-N.lock         such a file between two points
 //! CACHE/ab/ab12….HOST-PID.partial     being written by this process of this host; what a killed one left is removed by
 //!                                     who finishes the point
 //! ```
@@ -12,6 +13,8 @@
 
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+use std::sync::{Arc, Mutex, MutexGuard};
 
 use lrbsim_reports::files::write_with_temporary;
 use lrbsim_reports::picture::sha256;
@@ -28,7 +31,20 @@ use lrbsim_reports::lock::Lock;
 
 /// A folder of finished points.
 #[derive(Debug, Clone)]
-pub struct Cache(PathBuf);
+pub struct Cache {
+    folder: PathBuf,
+    /// Locks that are held for no point at the moment: the next claims take them.
+    spare: Arc<Spare>,
+}
+
+/// Locks between two points, with the folder of their files.
+#[derive(Debug)]
+struct Spare {
+    folder: PathBuf,
+    locks: Mutex<Vec<Lock>>,
+    /// How many files were named so far.
+    named: AtomicUsize,
+}
 
 /// A finished point.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -68,7 +84,8 @@ pub struct Finished {
 pub struct Claim {
     file: PathBuf,
     /// `None` where there is nothing that locks, or nobody was waited for.
-    _lock: Option<Lock>,
+    lock: Option<Lock>,
+    spare: Arc<Spare>,
 }
 
 /// Everything that determines a point, names included: they stand in its report.
@@ -135,12 +152,15 @@ impl Cache {
             BadInput::new(format!("cannot create the cache `{}`: {error}", folder.display()))
                 .with_help("`--cache` names another folder")
         })?;
-        Ok(Cache(folder.to_owned()))
+        let spare =
+            Spare { folder: folder.join("locks"), locks: Mutex::default(), named: AtomicUsize::new(0) };
+        spare.clean();
+        Ok(Cache { folder: folder.to_owned(), spare: Arc::new(spare) })
     }
 
     /// The folder of the cache.
     pub fn folder(&self) -> &Path {
-        &self.0
+        &self.folder
     }
 
     /// The finished point of this key. A file that is not sound counts as none: the point is run again.
@@ -159,16 +179,17 @@ impl Cache {
     /// Claims a point; `None` while another process or thread computes it.
     pub fn claim(&self, key: &str) -> Result<Option<Claim>, BadInput> {
         let file = self.place(key)?;
-        match Lock::try_now(&file.with_extension("lock")) {
-            Ok(lock) => Ok(lock.map(|lock| Claim { file, _lock: Some(lock) })),
-            Err(error) if is_without_locks(&error) => Ok(Some(Claim { file, _lock: None })),
+        let spare = self.spare.clone();
+        match self.spare.lock_at(&file.with_extension("lock")) {
+            Ok(lock) => Ok(lock.map(|lock| Claim { file, lock: Some(lock), spare })),
+            Err(error) if is_without_locks(&error) => Ok(Some(Claim { file, lock: None, spare })),
             Err(error) => Err(self.cannot_write(&error)),
         }
     }
 
     /// Claims a point whoever else may compute it.
     pub fn claim_anyway(&self, key: &str) -> Result<Claim, BadInput> {
-        Ok(Claim { file: self.place(key)?, _lock: None })
+        Ok(Claim { file: self.place(key)?, lock: None, spare: self.spare.clone() })
     }
 
     /// The file of a point, in a folder that is there.
@@ -180,11 +201,64 @@ impl Cache {
     }
 
     fn cannot_write(&self, error: &io::Error) -> BadInput {
-        BadInput::new(format!("cannot write to the cache `{}`: {error}", self.0.display()))
+        BadInput::new(format!("cannot write to the cache `{}`: {error}", self.folder.display()))
     }
 
     fn file(&self, key: &str) -> PathBuf {
-        self.0.join(&key[..2]).join(format!("{key}.json"))
+        self.folder.join(&key[..2]).join(format!("{key}.json"))
+    }
+}
+
+impl Spare {
+    /// The lock at `path`, with a file that is there already if possible; `None` while somebody else holds it.
+    fn lock_at(&self, path: &Path) -> io::Result<Option<Lock>> {
+        let Some(mut lock) = self.locks().pop() else { return Lock::try_now(path) };
+        match lock.move_to(path) {
+            Ok(true) => Ok(Some(lock)),
+            Ok(false) => {
+                self.locks().push(lock);
+                Ok(None)
+            }
+            // There are file systems without links.
+            Err(_) => Lock::try_now(path),
+        }
+    }
+
+    /// Keeps a lock for the next claim. Without a place for it, its file goes.
+    fn keep(&self, mut lock: Lock) {
+        let number = self.named.fetch_add(1, Relaxed);
+        let path = self.folder.join(format!("{}-{}-{number}.lock", safe_name(&node()), std::process::id()));
+        if std::fs::create_dir_all(&self.folder).and_then(|()| lock.rest_at(&path)).is_ok() {
+            self.locks().push(lock);
+        }
+    }
+
+    /// Removes the files that killed processes left, and the folder if that was all there was. Best effort.
+    fn clean(&self) {
+        for entry in std::fs::read_dir(&self.folder).into_iter().flatten().flatten() {
+            // Whoever gets the lock of a file of this kind is alone with it; dropped, it goes.
+            drop(Lock::try_now(&entry.path()));
+        }
+        let _ = std::fs::remove_dir(&self.folder);
+    }
+
+    fn locks(&self) -> MutexGuard<'_, Vec<Lock>> {
+        self.locks.lock().expect("nobody panics with the locks in hand")
+    }
+}
+
+impl Drop for Spare {
+    fn drop(&mut self) {
+        self.locks().clear();
+        let _ = std::fs::remove_dir(&self.folder);
+    }
+}
+
+impl Drop for Claim {
+    fn drop(&mut self) {
+        if let Some(lock) = self.lock.take() {
+            self.spare.keep(lock);
+        }
     }
 }
 

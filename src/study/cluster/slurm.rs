@@ -301,6 +301,11 @@ impl<'a> Run<'a> {
                 .collect();
             self.look(|shard| !waits.contains(&shard), true);
             if self.missing.is_empty() {
+                if last.iter().any(|task| !task.is_running()) {
+                    // They would find everything done; those that are held would never. Best effort: they harm nobody.
+                    let name = format!("--name={}", self.plan.name());
+                    let _ = run(Command::new("scancel").args(["--me", "--state=PENDING"]).arg(name), None);
+                }
                 return true;
             }
             let now = self.watch.elapsed().as_secs_f64();
@@ -322,7 +327,9 @@ impl<'a> Run<'a> {
                 }
                 for task in left.iter().filter(|task| task.is_stuck()) {
                     if told.insert(task.reason.clone()) {
-                        progress.say(&format!("task {} waits: {}", task.id, task.reason));
+                        let drained = task.reason.contains("DRAINED");
+                        let help = if drained { ": `sinfo -R` says why nodes are" } else { "" };
+                        progress.say(&format!("task {} waits: {}{help}", task.id, task.reason));
                     }
                 }
                 if left.iter().all(|task| task.is_held())
