@@ -45,7 +45,7 @@ pub struct Bvh {
 }
 
 /// A ray made ready for the watertight test: axes permuted so that the direction is largest along the third.
-struct Ray {
+pub(crate) struct Ray {
     origin: DVec3,
     inverse: DVec3,
     axes: [usize; 3],
@@ -53,7 +53,7 @@ struct Ray {
 }
 
 impl Ray {
-    fn new(origin: DVec3, direction: DVec3) -> Self {
+    pub(crate) fn new(origin: DVec3, direction: DVec3) -> Self {
         let abs = direction.abs();
         let z = if abs.x > abs.y && abs.x > abs.z { 0 } else { 1 + usize::from(abs.z >= abs.y) };
         let (mut x, mut y) = ((z + 1) % 3, (z + 2) % 3);
@@ -65,7 +65,7 @@ impl Ray {
     }
 
     /// Woop, Benthin and Wald 2013: no ray slips between two triangles that share an edge.
-    fn triangle(&self, corners: &[DVec3; 3], t_min: f64, t_max: f64) -> Option<(f64, [f64; 3])> {
+    pub(crate) fn triangle(&self, corners: &[DVec3; 3], t_min: f64, t_max: f64) -> Option<(f64, [f64; 3])> {
         let [x, y, z] = self.axes;
         let [a, b, c] = corners.map(|p| p - self.origin);
         let (ax, ay) = (a[x] - self.shear.x * a[z], a[y] - self.shear.y * a[z]);
@@ -204,28 +204,9 @@ impl Bvh {
         found
     }
 
-    /// Whether any triangle among `some`, which [`Bvh::in_shaft`] found, lies on the ray with `0 < t < 1` that `accept`
-    /// takes. The one found moves to the front: the next ray will meet it too.
-    pub(crate) fn any_of(
-        &self,
-        some: &mut [u32],
-        origin: DVec3,
-        direction: DVec3,
-        accept: impl Fn(u32, &[DVec3; 3]) -> bool,
-    ) -> bool {
-        if some.is_empty() {
-            return false;
-        }
-        let ray = Ray::new(origin, direction);
-        let blocks = |place: &u32| {
-            let corners = &self.corners[*place as usize];
-            ray.triangle(corners, 0.0, 1.0).is_some() && accept(self.order[*place as usize], corners)
-        };
-        let found = some.iter().position(blocks);
-        if let Some(index) = found {
-            some.swap(0, index);
-        }
-        found.is_some()
+    /// Number and corners of a triangle that [`Bvh::in_shaft`] found.
+    pub(crate) fn found(&self, place: u32) -> (u32, &[DVec3; 3]) {
+        (self.order[place as usize], &self.corners[place as usize])
     }
 
     /// Collects, into an empty list, all triangles that a segment from `apex` to a point of the parallelogram `hull` can

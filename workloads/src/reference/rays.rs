@@ -5,7 +5,7 @@ use core::f64::consts::TAU;
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-use crate::bvh::Bvh;
+use crate::bvh::{Bvh, Ray};
 use crate::eye::EyeView;
 use crate::light::Light;
 use crate::mesh::Mesh;
@@ -15,38 +15,68 @@ const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
 /// Rays of a receiver from which on the triangles that may block them are collected first.
 const SHAFT_RAYS_MIN: usize = 8;
 /// Triangles that are tried one after the other; where more may block, the hierarchy finds them faster.
-const SHAFT_TRIANGLES_MAX: usize = 32;
+const SHAFT_TRIANGLES_MAX: usize = 2048;
 
 /// Sample positions shared by all receivers.
 #[derive(Debug, Clone)]
 pub struct Rays {
     light: Light,
-    /// On the unit disc, equal areas; for rectangles and lines in [0, 1)².
+    /// On the unit disc, equal areas, by x; for rectangles and lines in [0, 1)².
     samples: Vec<DVec2>,
 }
 
 /// Where the samples of a light lie for one receiver.
 struct Spread {
     center: DVec3,
-    /// Half of the two sides of a parallelogram that holds the light.
+    /// Half of the two sides of a parallelogram that holds the light: turned, for a pattern on a disc.
     half: [DVec3; 2],
-    /// How far the pattern is turned: sine and cosine.
-    turn: DVec2,
     /// How far a pattern on a square or a line is shifted, around its ends; `None` for one that is turned.
     shift: Option<DVec2>,
 }
 
 impl Spread {
+    /// Where a sample lies in the parallelogram, from -1 to 1 along both sides.
+    fn place(&self, sample: DVec2) -> DVec2 {
+        match self.shift {
+            Some(shift) => (sample + shift).fract() * 2.0 - DVec2::ONE,
+            None => sample,
+        }
+    }
+
     fn target(&self, sample: DVec2) -> DVec3 {
         let [u, v] = self.half;
-        let s = match self.shift {
-            Some(shift) => (sample + shift).fract() * 2.0 - DVec2::ONE,
-            None => DVec2::new(
-                sample.x * self.turn.y - sample.y * self.turn.x,
-                sample.x * self.turn.x + sample.y * self.turn.y,
-            ),
-        };
+        let s = self.place(sample);
         self.center + u * s.x + v * s.y
+    }
+
+    /// Least and greatest place, along both sides, of what a triangle can hide from `p`, with some slack.
+    fn hidden_range(&self, corners: &[DVec3; 3], p: DVec3) -> [DVec2; 2] {
+        let everything = [DVec2::NEG_INFINITY, DVec2::INFINITY];
+        let [u, v] = self.half;
+        let across = u.cross(v);
+        if u.dot(v).abs() > 1e-9 * across.length() {
+            return everything; // a slanted parallelogram
+        }
+        let distance = (self.center - p).dot(across);
+        let reach = p.abs().max_element().max(self.center.abs().max_element());
+        let lengths = DVec2::new(u.length_squared(), v.length_squared());
+        let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
+        for corner in corners {
+            let arm = *corner - p;
+            // Behind the receiver or beside it, a corner has no place; seen edge-on, nor has the light.
+            let stretch = distance / arm.dot(across);
+            if !(stretch > 0.0 && stretch < 1e6) {
+                return everything;
+            }
+            let at = p + arm * stretch - self.center;
+            let place = DVec2::new(at.dot(u), at.dot(v)) / lengths;
+            let off = 64.0 * f64::EPSILON * (reach + corner.abs().max_element()) * (1.0 + stretch);
+            let slack =
+                DVec2::splat(1e-6) + DVec2::splat(off) / DVec2::new(lengths.x.sqrt(), lengths.y.sqrt());
+            low = low.min(place - slack);
+            high = high.max(place + slack);
+        }
+        if low.is_finite() && high.is_finite() { [low, high] } else { everything }
     }
 }
 
@@ -70,7 +100,9 @@ impl Rays {
                 DVec2::new(libm::cos(angle), libm::sin(angle)) * radius
             }
         };
-        Self { light: *light, samples: (0..count).map(sample).collect() }
+        let mut samples: Vec<DVec2> = (0..count).map(sample).collect();
+        samples.sort_unstable_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
+        Self { light: *light, samples }
     }
 
     /// How many rays a receiver has.
@@ -102,9 +134,48 @@ impl Rays {
         if !few {
             return self.hidden_one_by_one(bvh, p, own, turn);
         }
-        self.count_blocked(&spread, |target| {
-            bvh.any_of(&mut near, p, target - p, |t, corners| t != own && parts(corners, p, target))
-        })
+        self.count_hidden_by(bvh, &near, &spread, p, own)
+    }
+
+    /// How many rays a few triangles block, one after the other: of all rays, only those near a triangle are tried.
+    fn count_hidden_by(&self, bvh: &Bvh, near: &[u32], spread: &Spread, p: DVec3, own: u32) -> u32 {
+        if near.is_empty() {
+            return 0;
+        }
+        let mut blocked = vec![false; self.samples.len()];
+        let mut count = 0;
+        for &place in near {
+            let (triangle, corners) = bvh.found(place);
+            if triangle == own {
+                continue;
+            }
+            let [low, high] = spread.hidden_range(corners, p);
+            let (first, end) = if spread.shift.is_none() {
+                // These lie by x.
+                (
+                    self.samples.partition_point(|s| s.x < low.x),
+                    self.samples.partition_point(|s| s.x <= high.x),
+                )
+            } else {
+                (0, self.samples.len())
+            };
+            for i in first..end {
+                let s = spread.place(self.samples[i]);
+                if blocked[i] || s.cmplt(low).any() || s.cmpgt(high).any() {
+                    continue;
+                }
+                let target = spread.target(self.samples[i]);
+                let meets = Ray::new(p, target - p).triangle(corners, 0.0, 1.0).is_some();
+                if meets && parts(corners, p, target) {
+                    blocked[i] = true;
+                    count += 1;
+                }
+            }
+            if count as usize == self.samples.len() {
+                break;
+            }
+        }
+        count
     }
 
     /// The same number, each ray on its own.
@@ -128,10 +199,12 @@ impl Rays {
             Light::Sphere { .. } | Light::Disc { .. } | Light::Point { .. } => {
                 let axis = self.light.disc_normal().unwrap_or_else(|| (p - center).normalize_or(DVec3::Y));
                 let (u, v) = axis.any_orthonormal_pair();
-                ([u * self.light.disc_radius(), v * self.light.disc_radius()], None)
+                let (u, v) = (u * self.light.disc_radius(), v * self.light.disc_radius());
+                let (sin, cos) = (libm::sin(turn * TAU), libm::cos(turn * TAU));
+                ([u * cos + v * sin, v * cos - u * sin], None)
             }
         };
-        Spread { center, half, turn: DVec2::new(libm::sin(turn * TAU), libm::cos(turn * TAU)), shift }
+        Spread { center, half, shift }
     }
 }
 

@@ -268,6 +268,14 @@ fn no_triangle_is_lost_between_receiver_and_light() {
         ("tiny", None),
         ("cornell", None),
         ("cornell", Some(Light::Linear { p0: DVec3::new(-0.3, 1.9, 0.1), p1: DVec3::new(0.4, 1.7, 0.0) })),
+        (
+            "cornell",
+            Some(Light::Rect {
+                center: DVec3::new(0.1, 1.9, 0.1),
+                half_u: DVec3::X * 0.3,
+                half_v: DVec3::Z * 0.1,
+            }),
+        ),
         ("table", Some(Light::Sphere { center: DVec3::new(0.3, 1.5, 0.2), radius: 1e-9 })),
         ("table", Some(DISC)),
     ] {
