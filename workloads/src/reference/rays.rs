@@ -142,11 +142,12 @@ impl Rays {
         if near.is_empty() {
             return 0;
         }
+        let hull = spread.hull(p);
         let mut blocked = vec![false; self.samples.len()];
         let mut count = 0;
         for &place in near {
             let (triangle, corners) = bvh.found(place);
-            if triangle == own {
+            if triangle == own || !hull.iter().any(|corner| parts(corners, p, *corner)) {
                 continue;
             }
             let [low, high] = spread.hidden_range(corners, p);
@@ -159,15 +160,15 @@ impl Rays {
             } else {
                 (0, self.samples.len())
             };
-            for i in first..end {
-                let s = spread.place(self.samples[i]);
-                if blocked[i] || s.cmplt(low).any() || s.cmpgt(high).any() {
+            for (sample, is_blocked) in self.samples[first..end].iter().zip(&mut blocked[first..end]) {
+                let s = spread.place(*sample);
+                if *is_blocked || s.cmplt(low).any() || s.cmpgt(high).any() {
                     continue;
                 }
-                let target = spread.target(self.samples[i]);
+                let target = spread.target(*sample);
                 let meets = Ray::new(p, target - p).triangle(corners, 0.0, 1.0).is_some();
                 if meets && parts(corners, p, target) {
-                    blocked[i] = true;
+                    *is_blocked = true;
                     count += 1;
                 }
             }
