@@ -147,6 +147,53 @@ fn every_number_is_from_the_json() {
 }
 
 #[test]
+fn picture_truth_and_difference_lie_under_one_slider() {
+    let folder = Folder::new();
+    folder.run(&["run", "tiny", "--fidelity", "functional", "--reference", "16", "-o", "run"]).ok();
+    folder.run(&["report", "run"]).ok();
+    let html = folder.path("run/report.html");
+    let script = r#"
+        const frame = document.querySelector(".wipe"), stack = frame.querySelector(".layers"), slider = document.querySelector(".ends input");
+        const over = stack.querySelector(".over"), under = stack.querySelector(".under");
+        const state = () => [over.alt, under.alt, getComputedStyle(over).clipPath, slider.value];
+        const box = stack.getBoundingClientRect(), places = [over, under].map((image) => { const place = image.getBoundingClientRect(); return [place.left, place.top, place.width, place.height]; });
+        const states = [state()];
+        // Keys and a drag of the slider are the browser's own, and end in this event.
+        slider.value = 20; slider.dispatchEvent(new Event("input")); states.push(state());
+        const point = (type, part, kind) => over.dispatchEvent(new PointerEvent(type, { bubbles: true, isPrimary: true, buttons: 1, pointerType: kind, clientX: box.left + part * box.width, clientY: box.top + 5 }));
+        point("pointerdown", 0.7, "mouse"); states.push(state());
+        point("pointermove", 0.25, "touch"); states.push(state());
+        const tabs = [...document.querySelectorAll("button")].filter((button) => button.textContent.includes(" | "));
+        tabs[2].click(); states.push(state());
+        slider.focus();
+        return { states, places, focus: document.activeElement === slider, kind: slider.type, label: slider.getAttribute("aria-label"), said: slider.getAttribute("aria-valuetext"), touch: getComputedStyle(stack).touchAction,
+            shows: under.src === data.judged.difference.url, scale: document.querySelector(".scale div").style.background.includes("gradient"), measures: [...document.querySelectorAll("td")].filter((cell) => cell.textContent === "rmse").length };
+    "#;
+    let Some(found) = in_browser(&folder, &html, 1280, script) else { return };
+    let states = serde_json::json!([
+        ["ours", "truth", "inset(0px 50% 0px 0px)", "50"],
+        ["ours", "truth", "inset(0px 80% 0px 0px)", "20"],
+        ["ours", "truth", "inset(0px 30% 0px 0px)", "70"],
+        ["ours", "truth", "inset(0px 75% 0px 0px)", "25"],
+        ["truth", "difference", "inset(0px 75% 0px 0px)", "25"],
+    ]);
+    let shown =
+        found["states"].to_string().replace("calc(100% - 50%)", "50%").replace("calc(100% - 20%)", "80%");
+    let shown = shown.replace("calc(100% - 70%)", "30%").replace("calc(100% - 25%)", "75%");
+    assert_eq!(serde_json::from_str::<Value>(&shown).expect("JSON"), states);
+    assert_eq!(found["places"][0], found["places"][1], "one picture lies on the other");
+    assert_eq!(
+        (&found["kind"], &found["focus"]),
+        (&Value::from("range"), &Value::from(true)),
+        "keys move it"
+    );
+    assert_eq!(found["said"], "25 % truth, the rest difference");
+    assert_eq!((&found["touch"], &found["scale"]), (&Value::from("pan-y"), &Value::from(true)));
+    assert_eq!(found["shows"], true, "the difference is the one of the run");
+    assert_eq!(found["measures"], 1);
+}
+
+#[test]
 fn a_page_fits_a_narrow_window() {
     let folder = Folder::new();
     let run = page_of_run(&folder);
@@ -156,8 +203,11 @@ fn a_page_fits_a_narrow_window() {
     );
     folder.run(&["study", "small.json", "-o", "study"]).ok();
     folder.run(&["run", "saloon-orbit", "--frames", "2", "--size", "64x48", "-o", "moving"]).ok();
+    folder.run(&["run", "tiny", "--fidelity", "functional", "--reference", "4", "-o", "judged"]).ok();
+    folder.run(&["report", "judged"]).ok();
     let script = "return { page: document.documentElement.scrollWidth, window: innerWidth, sections: document.querySelectorAll('section').length };";
-    for html in [run, folder.path("study/report.html"), folder.path("moving/report.html")] {
+    let pages = ["study", "moving", "judged"].map(|name| folder.path(name).join("report.html"));
+    for html in std::iter::once(run).chain(pages) {
         for width in [500, 1280] {
             let Some(found) = in_browser(&folder, &html, width, script) else { return };
             assert!(found["page"].as_u64() <= found["window"].as_u64(), "{} {found}", html.display());

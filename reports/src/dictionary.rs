@@ -17,7 +17,7 @@ pub struct Entry {
 }
 
 /// Units by the last name of a path; the first that fits. `*` stands for anything.
-const UNITS: [(&str, &str); 35] = [
+const UNITS: [(&str, &str); 38] = [
     ("*_percent", "%"),
     ("*_overhead", "1"),
     ("*cycle_stack.*", "core-cycles"),
@@ -43,6 +43,9 @@ const UNITS: [(&str, &str); 35] = [
     ("*mean_visibility", "1"),
     ("*penumbra_receivers", "receivers"),
     ("*receivers", "receivers"),
+    ("image.error.receivers_in_question", "receivers"),
+    ("image.error.samples", "rays"),
+    ("*image.error.*", "1"),
     ("*width", "pixels"),
     ("*height", "pixels"),
     ("*triangles", "triangles"),
@@ -147,6 +150,9 @@ mod tests {
     fn counters_have_units_and_sentences() {
         assert_eq!(entry("phases[].cycle_stack.memory").unit, "core-cycles");
         assert_eq!(entry("phases[].ms").unit, "ms");
+        assert_eq!(entry("image.error.samples").unit, "rays");
+        assert_eq!(entry("image.error.mean").unit, "1");
+        assert_eq!(entry("image.error.shadowed_receivers").unit, "receivers");
         assert_eq!(entry("total.paper_ms").unit, "ms");
         assert_eq!(entry("machine.prefetcher.streams").unit, "count");
         assert_eq!(entry("phases[].l1d.hits").unit, "count");
@@ -181,7 +187,7 @@ mod tests {
                 _ => {}
             }
         }
-        let mut report = serde_json::to_value(crate::sample::timed()).expect("string keys");
+        let mut report = serde_json::to_value(crate::sample::judged()).expect("string keys");
         // The light is as scenes have it, see their schema.
         report["scene"]["light"] = Value::Null;
         numbers("", &report, &entries());

@@ -7,6 +7,7 @@ use std::sync::Mutex;
 use clap::{Args, ValueEnum};
 use indicatif::ProgressBar;
 use lrbsim::BadInput;
+use lrbsim::reference::DEFAULT_CACHE;
 use lrbsim::results::spare_inputs;
 use lrbsim::study::{self, Options, Status, Study, StudyProgress, run_study};
 use lrbsim::written::replaced_study;
@@ -19,9 +20,6 @@ use super::progress::{on_standard_error, style};
 
 /// Points at once at most: a host has no more threads.
 const JOBS_MAX: usize = 1024;
-
-/// Where finished points are kept.
-const CACHE: &str = "out/cache";
 
 #[derive(Debug, Args)]
 pub(crate) struct StudyArgs {
@@ -37,7 +35,7 @@ pub(crate) struct StudyArgs {
     out: Option<PathBuf>,
 
     /// Folder of finished points, shared by studies.
-    #[arg(long, value_name = "DIR", default_value = CACHE)]
+    #[arg(long, value_name = "DIR", default_value = DEFAULT_CACHE)]
     cache: PathBuf,
 
     /// What runs the points.
@@ -91,7 +89,7 @@ pub(crate) fn run(args: &StudyArgs, out: &mut impl Write) -> Result<bool, Failur
     let bar = Bar::new(visible, args.resume);
     let mut again = format!("lrbsim study {}", args.study.display());
     for (option, folder) in [("-o", args.out.as_ref()), ("--cache", Some(&args.cache))] {
-        if let Some(folder) = folder.filter(|folder| folder.as_path() != Path::new(CACHE)) {
+        if let Some(folder) = folder.filter(|folder| folder.as_path() != Path::new(DEFAULT_CACHE)) {
             again += &format!(" {option} {}", folder.display());
         }
     }

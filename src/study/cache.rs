@@ -54,6 +54,9 @@ pub struct Inputs<'a> {
     pub fidelity: &'a str,
     /// Frames before the measured one.
     pub warm_frames: u32,
+    /// Rays of the reference, where there is one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reference: Option<u32>,
 }
 
 impl Inputs<'_> {
@@ -77,6 +80,7 @@ impl Entry {
             algorithm: &provenance.algorithm,
             fidelity: &provenance.fidelity,
             warm_frames: provenance.warm_frames,
+            reference: report.image.error.map(|error| error.samples),
         };
         Entry { key: inputs.key(), host_seconds, report }
     }
@@ -154,6 +158,7 @@ mod tests {
             algorithm: crate::Algorithm::default(),
             fidelity: lrbsim_machine::Fidelity::Functional,
             warm_frames: 0,
+            reference: None,
             host: HostOptions::default(),
         };
         let report = run_frame(&request, &Quiet).expect("it runs").report;

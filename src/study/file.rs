@@ -182,6 +182,9 @@ fn try_axis(base: &Recipe, axis: &StudyAxis) -> (bool, Result<(), Misfit>) {
 fn check_numbers(file: &StudyFile, at: &dyn Fn(BadInput, &str, &str) -> BadInput) -> Result<(), BadInput> {
     let ids: Vec<&str> = METHODS.iter().flat_map(|method| method.phases()).map(|phase| phase.id).collect();
     let known = dictionary::paths(&ids);
+    let judged = file.base.reference.is_some()
+        || file.base.set.contains_key("reference")
+        || file.axes.iter().any(|axis| axis.path == "reference");
     let check = |path: &str, place: &str, also: &[String]| {
         let fits = |known: &String| match known.strip_suffix('*') {
             Some(group) => {
@@ -190,6 +193,15 @@ fn check_numbers(file: &StudyFile, at: &dyn Fn(BadInput, &str, &str) -> BadInput
             None => known == path,
         };
         if known.iter().chain(also).any(fits) {
+            if path.starts_with("image.error.") && !judged {
+                let bad = BadInput::new(format!(
+                    "`{path}` is an error by a reference, and no reference is asked for"
+                ))
+                .with_help(
+                    "`\"reference\": 256` in the base judges each picture by 256 shadow rays a receiver",
+                );
+                return Err(at(bad, place, "never measured"));
+            }
             return Ok(());
         }
         let nearest = known.iter().chain(also).min_by_key(|known| distance(path, known)).expect("many");

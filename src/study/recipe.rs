@@ -12,10 +12,11 @@ use crate::algorithm::Algorithm;
 use crate::error::BadInput;
 use crate::frame::check_warm_frames;
 use crate::inputs::{self, Machine};
+use crate::reference::check_samples;
 use crate::settings::{Setting, nearest_first};
 
 /// First names of a path that are not fields of the machine.
-const ROOTS: [&str; 6] = ["scene", "machine", "algorithm", "fidelity", "warm_frames", "time"];
+const ROOTS: [&str; 7] = ["scene", "machine", "algorithm", "fidelity", "warm_frames", "time", "reference"];
 
 /// What determines one run, before anything is loaded.
 #[derive(Debug, Clone, PartialEq)]
@@ -31,6 +32,8 @@ pub struct Recipe {
     warm_frames: u32,
     /// Time in a scene that moves.
     time: Option<f64>,
+    /// Rays of the reference that pictures are judged by.
+    reference: Option<u32>,
     /// Where files are looked up.
     folder: PathBuf,
 }
@@ -60,6 +63,7 @@ impl Recipe {
             fidelity: base.fidelity.clone(),
             warm_frames: base.warm_frames,
             time: None,
+            reference: base.reference,
             folder: folder.to_owned(),
         };
         for (path, value) in &base.set {
@@ -73,6 +77,7 @@ impl Recipe {
         self.machine()?;
         self.algorithm()?;
         self.fidelity()?;
+        self.reference.map_or(Ok(()), |samples| check_samples(samples.into(), "`reference`").map(|_| ()))?;
         check_warm_frames(self.warm_frames)
     }
 
@@ -120,6 +125,12 @@ impl Recipe {
                     wrong(BadInput::new(format!("{said}: `warm_frames` must be a whole number, 0 or more")))
                 })?;
                 check_warm_frames(self.warm_frames).map_err(wrong)?;
+            }
+            ("reference", "") => {
+                let samples = value.as_u64().ok_or_else(|| {
+                    wrong(BadInput::new(format!("{said}: `reference` must be a whole number of shadow rays")))
+                })?;
+                self.reference = Some(check_samples(samples, "`reference`").map_err(wrong)?);
             }
             ("time", "") => {
                 let time = value.as_f64().filter(|time| (0.0..=1.0).contains(time));
@@ -175,6 +186,7 @@ impl Recipe {
             ("algorithm", "") => Ok(Value::from(self.algorithm.as_str())),
             ("fidelity", "") => Ok(Value::from(self.fidelity.as_str())),
             ("warm_frames", "") => Ok(Value::from(self.warm_frames)),
+            ("reference", "") => Ok(Value::from(self.reference)),
             ("time", "") => Ok(Value::from(self.time.unwrap_or(0.0))),
             _ => at(serde_json::to_value(self.machine()?.config).expect("string keys"), path),
         }
@@ -220,6 +232,11 @@ impl Recipe {
     /// Frames before the measured one.
     pub fn warm_frames(&self) -> u32 {
         self.warm_frames
+    }
+
+    /// Rays of the reference that pictures are judged by; `None`: they are not.
+    pub fn reference(&self) -> Option<u32> {
+        self.reference
     }
 
     fn machine_name(&self) -> PathBuf {

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, VecDeque};
 use std::panic::AssertUnwindSafe;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard};
 use std::time::Duration;
 
@@ -22,6 +22,7 @@ use crate::frame::{HostOptions, RunRequest, SEMANTICS, machine_hash, run_frame};
 use crate::host::Stopwatch;
 use crate::inputs::Machine;
 use crate::progress::Quiet;
+use crate::reference::ReferenceRequest;
 
 /// Scenes that are kept loaded; more are loaded again for each point.
 const SCENES_KEPT: usize = 8;
@@ -203,6 +204,7 @@ fn job(
         algorithm: &recipe.algorithm()?.to_string(),
         fidelity: &fidelity.to_string(),
         warm_frames: recipe.warm_frames(),
+        reference: recipe.reference(),
     }
     .key();
     // The caches of another machine may be larger.
@@ -228,11 +230,11 @@ impl Job {
 
     /// Points of one kind have the same cost for the same work.
     fn kind(&self) -> String {
-        format!("{:?} {}", self.scene.id, self.fidelity)
+        format!("{:?} {} {:?}", self.scene.id, self.fidelity, self.recipe.reference())
     }
 
     /// Runs the point.
-    fn run(&self) -> Result<Entry, String> {
+    fn run(&self, cache: &Path) -> Result<Entry, String> {
         let scene = match &self.scene.kept {
             Some(scene) => Scene::clone(scene),
             None => self.recipe.scene().map_err(|bad| explained(&bad))?,
@@ -243,6 +245,10 @@ impl Job {
             algorithm: self.recipe.algorithm().map_err(|bad| explained(&bad))?,
             fidelity: self.fidelity,
             warm_frames: self.recipe.warm_frames(),
+            reference: self
+                .recipe
+                .reference()
+                .map(|samples| ReferenceRequest { samples, cache: Some(cache.to_owned()) }),
             host: HostOptions { threads: 1, simd: HostSimd::detect() },
         };
         // A defect of the simulator that one point shows is that point's result; the others go on.
@@ -446,7 +452,7 @@ impl<'a> Crew<'a> {
         if let Some(entry) = self.cache.get(&job.key) {
             return Ok(Attempt::Found(Box::new(entry)));
         }
-        match job.run() {
+        match job.run(self.cache.folder()) {
             Ok(entry) => {
                 claim.finish(&entry)?;
                 Ok(Attempt::Computed(Box::new(entry)))
@@ -506,9 +512,9 @@ mod tests {
         let mut job = job(&study, &base, &study.points[0], &mut BTreeMap::new()).expect("a sound point");
         // As of a scene beyond those that are kept loaded.
         job.scene.kept = None;
-        assert_eq!(job.run().expect("the model is as it was").key, job.key);
+        assert_eq!(job.run(folder.path()).expect("the model is as it was").key, job.key);
         write("f 1 2 3\nf 1 2 4\n");
-        let refusal = job.run().expect_err("another model");
+        let refusal = job.run(folder.path()).expect_err("another model");
         assert!(refusal.contains("scene `model` changed while the study ran"), "{refusal}");
     }
 
