@@ -5,6 +5,7 @@
 use lrbsim_isa::{Addr, Compare, Kernel, Runner, Step, Stopped, Vpu};
 
 use super::Sums;
+use super::own::Own;
 use super::soft::WHOLE;
 use crate::columns::{Columns, lanes_below, lower, task_range};
 use crate::expression::{each, scalar};
@@ -25,10 +26,11 @@ pub fn compose(
     grid: &Grid,
     runs: &Runs,
     sums: Columns<Sums>,
+    own: Option<Own>,
     visibility: Addr,
     runner: &mut Runner<'_>,
 ) -> Result<(), Stopped> {
-    let compose = Compose { grid: *grid, splits: runs.splits, sums, visibility };
+    let compose = Compose { grid: *grid, splits: runs.splits, sums, own, visibility };
     // SAFETY: each task writes the pixels of its own samples: a receiver has a pixel of its own.
     runner.run(&unsafe { Step::independent("compose", grid.receivers.count.div_ceil(TASK), compose) })
 }
@@ -38,6 +40,8 @@ struct Compose {
     /// Which blocks have sums.
     splits: Columns<Split>,
     sums: Columns<Sums>,
+    /// What takes out own triangles; `None` for a point light, whose sums have no parts.
+    own: Option<Own>,
     visibility: Addr,
 }
 
@@ -86,7 +90,7 @@ impl Compose {
     /// Composes samples `first..end` of a block.
     #[inline(always)]
     fn block<V: Vpu>(&self, v: &mut V, block: V::S32, first: V::S32, end: V::S32) {
-        let Compose { grid, splits, sums, .. } = self;
+        let Compose { grid, splits, sums, own, .. } = self;
         let none = v.vset_i32(0);
         let nothing = v.s_imm(0);
         let [has_layers, has_parts] = each!(kind in [0, 1] => {
@@ -99,9 +103,25 @@ impl Compose {
             let mut sum = |field| v.vload_i32_or(none, live, sums.column(field), i);
             let layers =
                 if has_layers { each!(k in [0, 1] => sum(field!(Sums.layers[k]))) } else { [none; 2] };
-            let parts = has_parts.then(|| each!(k in [0, 1] => sum(field!(Sums.coverage[k]))));
-            let visible = if has_layers || has_parts { visible(v, layers, parts) } else { v.vset_f32(1.0) };
+            let mut parts = has_parts.then(|| each!(k in [0, 1] => sum(field!(Sums.coverage[k]))));
             let receiver = v.vload_i32_or(none, live, grid.samples.column(field!(Sample.receiver)), i);
+            if let Some(own) = own {
+                let triangle = grid.receivers.columns.column(field!(Receiver.triangle));
+                let number = v.vgather_i32_or(none, live, triangle, receiver);
+                let triangles = own.triangles(v, live, number);
+                if v.branch_any(triangles.cut) {
+                    let points = each!(axis in [0, 1, 2] => {
+                        v.vload_f32(grid.samples.column(field!(Sample.position[axis])), i)
+                    });
+                    let [front, back] = own.parts(v, points, &triangles);
+                    parts = Some(match parts {
+                        None => [front, back],
+                        Some(parts) => [v.viadd(parts[0], front), v.viadd(parts[1], back)],
+                    });
+                }
+            }
+            let is_lit = !has_layers && parts.is_none();
+            let visible = if is_lit { v.vset_f32(1.0) } else { visible(v, layers, parts) };
             let pixel =
                 v.vgather_i32_or(none, live, grid.receivers.columns.column(field!(Receiver.pixel)), receiver);
             v.vscatter_f32(live, self.visibility, pixel, visible);
@@ -110,11 +130,12 @@ impl Compose {
     }
 }
 
-/// Visible part of the light, from layers and fixed-point parts in F and B: `1 - min(max(|F|, |B|), 1)`.
+/// Visible part of the light, from layers and fixed-point parts in F and B: `1 - min(max(|F|, |B|, |F - B|), 1)`.
 ///
 /// The sign: a face that has receiver and middle of the light on one side covers part of the light from there, but runs
 /// the other way round than seen from the middle, so that its part comes out negative. No layer is between then, and the
-/// size of the sum is what it covers: exactly for a sheet, at most for a body.
+/// size of the sum is what it covers: exactly for a sheet, at most for a body. Where F and B differ in sign, they cover
+/// different parts: what hides the middle, and faces behind the terminator that hide what lies above it.
 #[inline(always)]
 pub fn visible<V: Vpu>(v: &mut V, layers: [V::I32; 2], parts: Option<[V::I32; 2]>) -> V::F32 {
     let one = v.vset_f32(1.0);
@@ -130,9 +151,12 @@ pub fn visible<V: Vpu>(v: &mut V, layers: [V::I32; 2], parts: Option<[V::I32; 2]
         }
     };
     let (front, back) = (coverage(0), coverage(1));
+    let apart = v.vsub(front, back);
+    let apart = v.vabs(apart);
     let front = v.vabs(front);
     let back = v.vabs(back);
     let covered = v.vmax(front, back);
+    let covered = v.vmax(covered, apart);
     let covered = v.vmin(covered, one);
     v.vsub(one, covered)
 }

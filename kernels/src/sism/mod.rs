@@ -7,13 +7,14 @@
 //! irregular: raster, run  … to (cell, primitive) records, and samples to runs of equal work
 //! hard                    layers between each sample and the light
 //! soft                    signed parts of the light's disc
-//! compose                 one clamp, visibility to the pixels
+//! compose                 own triangles taken out, one clamp, visibility to the pixels
 //! ```
 
 pub mod silhouette;
 pub mod hard;
 pub mod soft;
 pub mod compose;
+pub mod own;
 
 use lrbsim_isa::options::{Entry, OptionSpec, Options, Values, Word};
 use lrbsim_isa::{Addr, Arena, Phase, Runner, Stopped};
@@ -28,6 +29,7 @@ use crate::irregular::raster::Raster;
 use crate::irregular::receivers::Receivers;
 use crate::irregular::run::{Runs, Walk};
 use crate::method::{Method, Shadows};
+use own::Own;
 use crate::scene::Scene;
 
 /// Soft irregular shadow mapping, as a method among others.
@@ -143,6 +145,11 @@ pub fn run(input: &ShadowInput, runner: &mut Runner<'_>) -> Result<Arrays, Stopp
 
     runner.phase(&COMPOSE);
     let visibility = runner.arena.overwritten(u64::from(input.width * input.height));
-    compose::compose(&grid, &runs, sums, visibility, runner)?;
+    let own = light.is_soft().then_some(Own {
+        light,
+        triangles: primitives.triangles,
+        triangle_count: primitives.triangle_count,
+    });
+    compose::compose(&grid, &runs, sums, own, visibility, runner)?;
     Ok(Arrays { primitives, grid, runs, sums, visibility })
 }
