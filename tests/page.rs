@@ -94,6 +94,7 @@ fn clicks_sort_zoom_and_switch_the_theme() {
         const twice = column(table, 1), second = head.getAttribute("aria-sort");
         const image = document.querySelector(".picture img");
         await image.decode();
+        const hidden = image.parentNode.scrollHeight - image.parentNode.clientHeight;
         const widths = [...document.querySelectorAll(".zoom button")].map((button) => { button.click(); return image.getBoundingClientRect().width; });
         const root = document.documentElement, theme = () => [root.dataset.theme, getComputedStyle(document.body).backgroundColor];
         const themes = [theme()];
@@ -101,7 +102,7 @@ fn clicks_sort_zoom_and_switch_the_theme() {
         themes.push(theme());
         document.getElementById("theme").click();
         themes.push(theme());
-        return { before, once, twice, first, second, widths, natural: image.naturalWidth, themes, differs: document.querySelectorAll("tr.differs").length };
+        return { before, once, twice, first, second, widths, hidden, natural: image.naturalWidth, themes, differs: document.querySelectorAll("tr.differs").length };
     "#;
     let Some(found) = in_browser(&folder, &html, 1280, script) else { return };
     let numbers = |name: &str| -> Vec<f64> {
@@ -115,6 +116,8 @@ fn clicks_sort_zoom_and_switch_the_theme() {
     assert_eq!((numbers("twice"), &found["second"]), (sorted, &Value::from("ascending")));
 
     let natural = found["natural"].as_f64().expect("a width");
+    assert!(numbers("widths")[0] > 4.0 * natural, "a small picture fills its frame: {:?}", found["widths"]);
+    assert_eq!(found["hidden"], 0, "all of a fitted picture is seen");
     let zoomed: Vec<f64> = numbers("widths")[1..].iter().map(|width| width / natural).collect();
     assert_eq!(zoomed, [1.0, 2.0, 4.0, 8.0]);
 
@@ -203,13 +206,19 @@ fn a_page_fits_a_narrow_window() {
     );
     folder.run(&["study", "small.json", "-o", "study"]).ok();
     folder.run(&["run", "saloon-orbit", "--frames", "2", "--size", "64x48", "-o", "moving"]).ok();
-    folder.run(&["run", "tiny", "--fidelity", "functional", "--reference", "4", "-o", "judged"]).ok();
-    folder.run(&["report", "judged"]).ok();
-    let script = "return { page: document.documentElement.scrollWidth, window: innerWidth, sections: document.querySelectorAll('section').length };";
-    let pages = ["study", "moving", "judged"].map(|name| folder.path(name).join("report.html"));
-    for html in std::iter::once(run).chain(pages) {
+    folder.run(&["run", "tiny", "--fidelity", "functional", "--reference", "4", "-o", "untimed"]).ok();
+    folder.run(&["report", "untimed"]).ok();
+    let script = "document.querySelectorAll('details').forEach((part) => { part.open = true; }); return { page: document.documentElement.scrollWidth, window: innerWidth, sections: document.querySelectorAll('section').length, \
+        wide: [...document.querySelectorAll('.scroll')].filter((part) => part.scrollWidth > part.clientWidth).map((part) => part.innerText.slice(0, 80)), \
+        trust: document.body.innerText.includes('How far to trust it') };";
+    let untimed = folder.path("untimed/report.html");
+    for html in [&run, &folder.path("study/report.html"), &folder.path("moving/report.html"), &untimed] {
         for width in [500, 1280] {
-            let Some(found) = in_browser(&folder, &html, width, script) else { return };
+            let Some(found) = in_browser(&folder, html, width, script) else { return };
+            assert_eq!(found["trust"], *html != untimed, "how far times can be trusted, where there are any");
+            if width == 1280 {
+                assert_eq!(found["wide"], serde_json::json!([]), "{}", html.display());
+            }
             assert!(found["page"].as_u64() <= found["window"].as_u64(), "{} {found}", html.display());
             assert!(found["sections"].as_u64().expect("a count") > 5, "{found}");
         }

@@ -9,7 +9,7 @@ use serde::Serialize;
 use serde_json::Value;
 
 use crate::run::{ImageError, PhaseReport, RunReport};
-use crate::sheet::{Cell, Sheet, show_value};
+use crate::sheet::{Cell, Sheet, show_value, signed};
 
 /// Causes that are named beside a phase, at most.
 const CAUSES_MAX: usize = 3;
@@ -314,8 +314,8 @@ pub fn picture_change(a: &[u8], b: &[u8]) -> Option<PictureChange> {
 
 const PS_IN_MS: f64 = 1e9;
 
-fn signed(ps: i64) -> String {
-    format!("{:+.3}", ps as f64 / PS_IN_MS)
+fn signed_ms(ps: i64) -> String {
+    signed(ps as f64 / PS_IN_MS, 3)
 }
 
 /// The comparison as terminal text.
@@ -376,14 +376,14 @@ fn phase_sheet(comparison: &Comparison, total: &Change) -> Sheet {
         let causes: Vec<String> = greatest
             .iter()
             .take(CAUSES_MAX)
-            .map(|(cause, ps)| format!("{} {}", cause_label(cause), signed(*ps)))
+            .map(|(cause, ps)| format!("{} {}", cause_label(cause), signed_ms(*ps)))
             .collect();
-        let percent = time.percent().map_or_else(|| "-".to_owned(), |percent| format!("{percent:+.1}"));
+        let percent = time.percent().map_or_else(|| "-".to_owned(), |percent| signed(percent, 1));
         vec![
             Cell::Text(title.to_owned()),
             Cell::Text(format!("{:9.3}", time.a_ps as f64 / PS_IN_MS)),
             Cell::Text(format!("{:9.3}", time.b_ps as f64 / PS_IN_MS)),
-            Cell::Text(format!("{:>10}", signed(time.change_ps))),
+            Cell::Text(format!("{:>10}", signed_ms(time.change_ps))),
             Cell::Text(format!("{percent:>9}")),
             Cell::Text(causes.join(", ")),
         ]
@@ -396,7 +396,7 @@ fn phase_sheet(comparison: &Comparison, total: &Change) -> Sheet {
 
 fn cause_sheet(comparison: &Comparison, total: &Change) -> Sheet {
     let columns = ["what cores did", "change, ms"].map(str::to_owned).to_vec();
-    let row = |name: String, ps: i64| vec![Cell::Text(name), Cell::Text(format!("{:>10}", signed(ps)))];
+    let row = |name: String, ps: i64| vec![Cell::Text(name), Cell::Text(format!("{:>10}", signed_ms(ps)))];
     // In the order of stacks.
     let mut rows: Vec<_> = Cause::ALL
         .iter()

@@ -6,6 +6,7 @@ use serde_json::Value;
 use std::collections::BTreeMap;
 
 use crate::run::{RunReport, Warning};
+use crate::table::counted;
 
 /// Version of the layout of [`StudyReport`].
 pub const STUDY_SCHEMA_VERSION: u32 = 1;
@@ -85,7 +86,8 @@ impl Default for Base {
 #[serde(deny_unknown_fields)]
 pub struct StudyAxis {
     /// A field of the machine (`cores`, `l2.capacity_bytes`), or one of `scene`, `machine`, `algorithm`, `fidelity`,
-    /// `warm_frames`, `time`, `reference`, or a field of the scene (`scene.light.radius`).
+    /// `warm_frames`, `time`, `reference`, or a field of the scene (`scene.light.radius`), or an option of the algorithm
+    /// (`algorithm.form`), in place of what `algorithm` says of it.
     pub path: String,
     /// Values of the axis, in their order.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -251,9 +253,9 @@ impl StudyReport {
         let line = |Warning { kind, message }: &Warning| {
             let carries = |report: &&RunReport| report.warnings.iter().any(|warning| warning.kind == *kind);
             format!(
-                "warning at {} of {} points: {message}",
+                "warning at {} of {}: {message}",
                 reports().filter(carries).count(),
-                self.points.len()
+                counted(self.points.len() as u64, "point")
             )
         };
         first.into_iter().map(line).collect()

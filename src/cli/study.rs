@@ -2,6 +2,7 @@
 
 use std::io::{IsTerminal as _, Write};
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 use std::sync::Mutex;
 
 use clap::{Args, ValueEnum};
@@ -11,8 +12,10 @@ use lrbsim::reference::DEFAULT_CACHE;
 use lrbsim::results::spare_inputs;
 use lrbsim::study::{self, Options, Status, Study, StudyProgress, run_study};
 use lrbsim::written::replaced_study;
+use lrbsim::{Algorithm, BadInput};
 use lrbsim_reports::analysis::findings;
 use lrbsim_reports::files::ResultDir;
+use lrbsim_reports::table::counted;
 
 use super::Failure;
 use super::interrupt::on_interrupt;
@@ -110,6 +113,7 @@ pub(crate) fn run(args: &StudyArgs, out: &mut impl Write) -> Result<bool, Failur
         return Ok(status.failed == 0);
     }
     let base = &output.report.study.base;
+    let algorithm = Algorithm::from_str(&base.algorithm)?;
     let set: Vec<String> = base.set.iter().map(|(path, value)| format!(", {path} = {value}")).collect();
     writeln!(
         out,
@@ -117,7 +121,7 @@ pub(crate) fn run(args: &StudyArgs, out: &mut impl Write) -> Result<bool, Failur
         output.report.study.name,
         base.scene,
         base.machine,
-        base.algorithm,
+        algorithm.title(),
         base.fidelity,
         set.concat()
     )?;
@@ -130,8 +134,8 @@ pub(crate) fn run(args: &StudyArgs, out: &mut impl Write) -> Result<bool, Failur
     }
     writeln!(
         out,
-        "\n{} points: {} run, {} found in {}, {} failed; {:.1} s",
-        status.points,
+        "\n{}: {} run, {} found in {}, {} failed; {:.1} s",
+        counted(status.points as u64, "point"),
         status.computed,
         status.found,
         args.cache.display(),
@@ -174,7 +178,7 @@ impl Bar {
             bar.finish_and_clear();
             let status = state.lock().ok().and_then(|status| *status).unwrap_or_default();
             let done = status.found + status.computed;
-            eprintln!("stopped with {done} of {} points finished; {text}", status.points);
+            eprintln!("stopped with {done} of {} finished; {text}", counted(status.points as u64, "point"));
         };
         on_interrupt(handler);
     }
@@ -185,11 +189,12 @@ impl StudyProgress for Bar {
         let first = self.state.lock().map(|mut last| last.replace(*status).is_none()).unwrap_or(false);
         if first && self.resume {
             let left = status.points - status.found - status.failed;
-            let text = format!("{} of {} points are finished; {left} are left", status.found, status.points);
+            let all = counted(status.points as u64, "point");
+            let text = format!("{} of {all} finished; {left} left", status.found);
             if self.visible { self.bar.println(text) } else { eprintln!("{text}") }
         }
         let done = status.found + status.computed + status.failed;
-        self.bar.set_prefix(format!("{done}/{} points", status.points));
+        self.bar.set_prefix(format!("{done}/{}", counted(status.points as u64, "point")));
         self.bar.set_position((status.part_done * 1000.0) as u64);
         let rate = status.computed as f64 / status.seconds.max(1e-3) * 60.0;
         let left =

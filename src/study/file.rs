@@ -204,11 +204,17 @@ fn check_numbers(file: &StudyFile, at: &dyn Fn(BadInput, &str, &str) -> BadInput
             }
             return Ok(());
         }
-        let nearest = known.iter().chain(also).min_by_key(|known| distance(path, known)).expect("many");
+        let where_from = "`lrbsim schema counters` lists them; phases by id, such as `phases.soft.ms`";
+        if dictionary::is_list(path, &ids) {
+            let bad = BadInput::new(format!("`{path}` is a list of numbers; it must be one number"));
+            return Err(at(bad.with_help(where_from), place, "not one number"));
+        }
         let bad = BadInput::new(format!("`{path}` is no number of a report"));
-        let help = format!(
-            "did you mean `{nearest}`? `lrbsim schema counters` lists them; phases by id, such as `phases.soft.ms`"
-        );
+        let nearest = known.iter().chain(also).min_by_key(|known| distance(path, known));
+        let help = match nearest.filter(|nearest| distance(path, nearest) <= path.len().div_ceil(3)) {
+            Some(nearest) => format!("did you mean `{nearest}`? {where_from}"),
+            None => where_from.to_owned(),
+        };
         Err(at(bad.with_help(help), place, "no such number"))
     };
     check(&file.metric, "metric", &[])?;

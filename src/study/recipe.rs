@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use lrbsim_machine::Fidelity;
+use lrbsim_reports::sheet::show_value;
 use lrbsim_reports::study::Base;
 use lrbsim_workloads::{Scene, SceneName};
 use serde_json::Value;
@@ -26,7 +27,7 @@ pub struct Recipe {
     machine: String,
     machine_settings: Vec<Setting>,
     algorithm: String,
-    /// Options of the algorithm by name, besides those in `algorithm`.
+    /// Options of the algorithm by name, in place of those in `algorithm`; the last of a name counts.
     algorithm_options: Vec<(String, String)>,
     fidelity: String,
     warm_frames: u32,
@@ -111,8 +112,16 @@ impl Recipe {
                 self.algorithm().map_err(wrong)?;
             }
             ("algorithm", option) => {
-                let value = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
-                self.algorithm_options.push((option.to_owned(), value));
+                let of = self.algorithm().map_err(wrong)?;
+                let known: Vec<String> = of.options().map(|(name, _)| name.to_owned()).collect();
+                if !known.iter().any(|name| name == option) {
+                    let bad = BadInput::new(format!(
+                        "`{path}` is no path: the algorithm `{}` has no option `{option}`",
+                        of.name()
+                    ));
+                    return Err((bad.with_help(nearest_first(option, "options", &known)), Fault::Path));
+                }
+                self.algorithm_options.push((option.to_owned(), show_value(value)));
                 self.algorithm().map_err(wrong)?;
             }
             ("fidelity", "") => {
@@ -138,6 +147,14 @@ impl Recipe {
                     wrong(BadInput::new(format!("{said}: `time` must be a number from 0 to 1")))
                 })?);
             }
+            (root, rest) if ROOTS.contains(&root) => {
+                let bad = BadInput::new(format!("`{path}` is no path: `{root}` has no fields"));
+                let help = match root {
+                    "machine" => format!("fields of the machine are paths by themselves: `{rest}`"),
+                    root => format!("`{root}` is a path by itself"),
+                };
+                return Err((bad.with_help(help), Fault::Path));
+            }
             _ => {
                 self.machine_settings.push(Setting { path: path.to_owned(), value: value.clone(), said });
                 self.check_machine(path)?;
@@ -159,7 +176,7 @@ impl Recipe {
             let mut known: Vec<String> = tree.as_object().expect("an object").keys().cloned().collect();
             known.extend(ROOTS.map(str::to_owned));
             let bad = BadInput::new(format!("`{path}` is no path: a machine has no field `{first}`"));
-            return Err((bad.with_help(nearest_first(first, &known)), Fault::Path));
+            return Err((bad.with_help(nearest_first(first, "paths", &known)), Fault::Path));
         }
         let is_leaf = tree.pointer(&pointer).is_some_and(|leaf| !leaf.is_object());
         match Machine::apply_settings(&plain, &self.machine_settings) {
@@ -184,6 +201,12 @@ impl Recipe {
             }
             ("machine", "") => Ok(Value::from(self.machine.as_str())),
             ("algorithm", "") => Ok(Value::from(self.algorithm.as_str())),
+            ("algorithm", option) => {
+                let value = self.algorithm()?.options().find(|(name, _)| *name == option);
+                let (_, text) = value.ok_or_else(|| BadInput::new(format!("the base has no `{path}`")))?;
+                // What is not JSON is a string, as in `--set`.
+                Ok(serde_json::from_str(&text).unwrap_or(Value::String(text)))
+            }
             ("fidelity", "") => Ok(Value::from(self.fidelity.as_str())),
             ("warm_frames", "") => Ok(Value::from(self.warm_frames)),
             ("reference", "") => Ok(Value::from(self.reference)),
@@ -214,14 +237,10 @@ impl Recipe {
 
     /// The algorithm.
     pub fn algorithm(&self) -> Result<Algorithm, BadInput> {
-        let options: Vec<String> =
-            self.algorithm_options.iter().map(|(name, value)| format!("{name}={value}")).collect();
-        let text = match (self.algorithm.contains(':'), options.is_empty()) {
-            (_, true) => self.algorithm.clone(),
-            (true, _) => format!("{},{}", self.algorithm, options.join(",")),
-            (false, _) => format!("{}:{}", self.algorithm, options.join(",")),
-        };
-        Algorithm::from_str(&text)
+        let base = Algorithm::from_str(&self.algorithm)?;
+        self.algorithm_options
+            .iter()
+            .try_fold(base, |algorithm, (name, value)| algorithm.with_option(&format!("{name}={value}")))
     }
 
     /// The fidelity.

@@ -29,8 +29,8 @@ use crate::irregular::raster::Raster;
 use crate::irregular::receivers::Receivers;
 use crate::irregular::run::{Runs, Walk};
 use crate::method::{Method, Shadows};
-use own::Own;
 use crate::scene::Scene;
+use own::Own;
 
 /// Soft irregular shadow mapping, as a method among others.
 pub struct Sism;

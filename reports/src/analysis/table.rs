@@ -5,6 +5,7 @@ use crate::metric::title;
 use crate::plot::{Axis, Bar, Bars, Lines, Look, Plot, Series};
 use crate::sheet::{Cell, Sheet, show_value};
 use crate::study::{Analysis, StudyReport};
+use crate::table::counted;
 
 /// Lines that a plot still shows apart.
 const LINES_MAX: usize = 9;
@@ -34,7 +35,10 @@ pub(super) fn table(study: &StudyReport, data: &Data, analysis: &Analysis) -> Fi
     }
     let mut notes = match study.points.iter().filter(|point| point.error.is_some()).count() {
         0 => Vec::new(),
-        n => vec![format!("{n} of {} points have no result; the last column says why.", study.points.len())],
+        n => {
+            let all = counted(study.points.len() as u64, "point");
+            vec![format!("{n} of {all} without a result; the last column says why.")]
+        }
     };
     notes.extend(study.warnings());
     let sheet = Sheet { columns, rows };

@@ -112,7 +112,8 @@ function stackSection(report) {
   });
   const draw = (relative) => holder.replaceChildren(stackedBars(rows, relative));
   draw(false);
-  const numbers = table(["phase", ...CAUSES.map(label)], report.phases.map((phase) => [phase.title, ...CAUSES.map((cause) => phase.cycle_stack[cause])]));
+  // As many rows as causes: so many columns would be wider than the page.
+  const numbers = table(["cause", ...report.phases.map((phase) => phase.id)], CAUSES.map((cause) => [label(cause), ...report.phases.map((phase) => phase.cycle_stack[cause])]));
   return section("Where the cycles went", choice(["in time", "in percent"], (index) => draw(index === 1)), holder, legend(CAUSES, COLORS),
     element("details", {}, element("summary", {}, "core-cycles by cause"), numbers),
     note("Every core-cycle has one cause: an instruction issued, or what the thread that issued next had waited for."));
@@ -209,7 +210,9 @@ function pictureSection(pictures, title = "Picture") {
   const image = element("img", { alt: pictures[0].title, src: pictures[0].url });
   const frame = element("div", { class: "picture" }, image);
   let zoom = 0;
-  const size = () => { image.style.width = zoom === 0 ? "auto" : `${image.naturalWidth * zoom}px`; image.style.maxWidth = zoom === 0 ? "100%" : "none"; };
+  // Fitted pictures fill the frame, up or down, as far as all of them can be seen.
+  const fitted = () => (image.naturalHeight ? `min(100%, ${(76 * image.naturalWidth) / image.naturalHeight}vh)` : "auto");
+  const size = () => { image.style.width = zoom === 0 ? fitted() : `${image.naturalWidth * zoom}px`; };
   const zooms = [0, 1, 2, 4, 8];
   image.addEventListener("load", size);
   size();
@@ -288,8 +291,18 @@ function provenanceSection(report) {
 }
 
 function validationSection(report) {
-  if (!report.model_error) return null;
-  return section("How far to trust it", table(["what", "value"], flatten(report.model_error).map(([path, value]) => [path, String(value)])));
+  const error = report.model_error;
+  // It is of times, which a functional run has none of.
+  if (!error || report.total.cycles === null) return null;
+  const rows = [
+    ["validated", `${error.machine} at fidelity ${error.fidelity}`],
+    ["published figures of high confidence", error.rows],
+    ["of these in the range of their sources", error.inside],
+    ["mean error, %", error.mean_error_percent],
+    ["worst error, %", error.worst_error_percent],
+    ["mean error of figures that nothing was fitted to, %", error.held_out_mean_error_percent],
+  ];
+  return section("How far to trust it", table(["what", "value"], rows), note("Times of other machines and fidelities rest on the same model with other parameters."));
 }
 
 function runSections(report, pictures) {
