@@ -7,7 +7,6 @@ use std::sync::Mutex;
 
 use clap::{Args, ValueEnum};
 use indicatif::ProgressBar;
-use lrbsim::BadInput;
 use lrbsim::reference::DEFAULT_CACHE;
 use lrbsim::results::spare_inputs;
 use lrbsim::study::{self, Options, Status, Study, StudyProgress, run_study};
