@@ -2,6 +2,7 @@
 
 use lrbsim_isa::Vpu;
 
+use crate::expression::each;
 use crate::plane::{Vec3, dot, sub};
 use crate::segment::Vec2;
 
@@ -74,6 +75,20 @@ impl<V: Vpu> View<V> {
                 View { receiver, axis, s, t, height, per_radius, scale, foot: Some(foot) }
             }
         }
+    }
+
+    /// The same, with `s` and `t` turned about the middle of the disc.
+    #[inline(always)]
+    pub fn turned(self, v: &mut V, cos: V::F32, sin: V::F32) -> View<V> {
+        let mut turn = |s: V::F32, t: V::F32| {
+            let of_t = v.vmul(t, sin);
+            let new_s = v.vmadd(s, cos, of_t);
+            let of_s = v.vmul(s, sin);
+            (new_s, v.vmsub(t, cos, of_s))
+        };
+        let pairs = each!(axis in [0, 1, 2] => turn(self.s[axis], self.t[axis]));
+        let foot = self.foot.map(|[s, t]| turn(s, t).into());
+        View { s: pairs.map(|(s, _)| s), t: pairs.map(|(_, t)| t), foot, ..self }
     }
 
     /// Point `vertex` (light-centred) in this frame.

@@ -4,9 +4,9 @@
 
 use lrbsim_isa::{Addr, Compare, Kernel, Runner, Step, Stopped, Vpu};
 
-use super::Sums;
 use super::own::Own;
 use super::soft::WHOLE;
+use super::{Overlap, Sums};
 use crate::columns::{Columns, lanes_below, lower, task_range};
 use crate::expression::{each, scalar};
 use crate::field;
@@ -27,10 +27,11 @@ pub fn compose(
     runs: &Runs,
     sums: Columns<Sums>,
     own: Option<Own>,
+    overlap: Overlap,
     visibility: Addr,
     runner: &mut Runner<'_>,
 ) -> Result<(), Stopped> {
-    let compose = Compose { grid: *grid, splits: runs.splits, sums, own, visibility };
+    let compose = Compose { grid: *grid, splits: runs.splits, sums, own, overlap, visibility };
     // SAFETY: each task writes the pixels of its own samples: a receiver has a pixel of its own.
     runner.run(&unsafe { Step::independent("compose", grid.receivers.count.div_ceil(TASK), compose) })
 }
@@ -42,6 +43,8 @@ struct Compose {
     sums: Columns<Sums>,
     /// What takes out own triangles; `None` for a point light, whose sums have no parts.
     own: Option<Own>,
+    /// Whether parts are summed here, or have been compared with one another.
+    overlap: Overlap,
     visibility: Addr,
 }
 
@@ -90,22 +93,27 @@ impl Compose {
     /// Composes samples `first..end` of a block.
     #[inline(always)]
     fn block<V: Vpu>(&self, v: &mut V, block: V::S32, first: V::S32, end: V::S32) {
-        let Compose { grid, splits, sums, own, .. } = self;
+        let Compose { grid, splits, sums, own, overlap, .. } = self;
         let none = v.vset_i32(0);
         let nothing = v.s_imm(0);
         let [has_layers, has_parts] = each!(kind in [0, 1] => {
             let log2 = v.s_load(splits.column(field!(Split.log2[kind])), block);
             v.branch(Compare::Less, nothing, log2)
         });
+        // What is covered has been found out already, layers and own triangles included.
+        let is_covered = has_parts && *overlap != Overlap::Sum;
         let mut i = first;
         while v.branch(Compare::Less, i, end) {
             let live = lanes_below(v, i, end);
             let mut sum = |field| v.vload_i32_or(none, live, sums.column(field), i);
-            let layers =
-                if has_layers { each!(k in [0, 1] => sum(field!(Sums.layers[k]))) } else { [none; 2] };
+            let layers = if has_layers && !is_covered {
+                each!(k in [0, 1] => sum(field!(Sums.layers[k])))
+            } else {
+                [none; 2]
+            };
             let mut parts = has_parts.then(|| each!(k in [0, 1] => sum(field!(Sums.coverage[k]))));
             let receiver = v.vload_i32_or(none, live, grid.samples.column(field!(Sample.receiver)), i);
-            if let Some(own) = own {
+            if let (Some(own), false) = (own, is_covered) {
                 let triangle = grid.receivers.columns.column(field!(Receiver.triangle));
                 let number = v.vgather_i32_or(none, live, triangle, receiver);
                 let triangles = own.triangles(v, live, number);
@@ -120,8 +128,16 @@ impl Compose {
                     });
                 }
             }
-            let is_lit = !has_layers && parts.is_none();
-            let visible = if is_lit { v.vset_f32(1.0) } else { visible(v, layers, parts) };
+            let visible = match parts {
+                Some([covered, _]) if is_covered => {
+                    let unit = v.vset_f32(1.0 / WHOLE);
+                    let one = v.vset_f32(1.0);
+                    let covered = v.vcvt_i32_f32(covered);
+                    v.vnmadd(covered, unit, one)
+                }
+                None if !has_layers => v.vset_f32(1.0),
+                _ => visible(v, layers, parts),
+            };
             let pixel =
                 v.vgather_i32_or(none, live, grid.receivers.columns.column(field!(Receiver.pixel)), receiver);
             v.vscatter_f32(live, self.visibility, pixel, visible);

@@ -15,19 +15,19 @@ pub mod hard;
 pub mod soft;
 pub mod compose;
 pub mod own;
+pub mod bits;
 
 use lrbsim_isa::options::{Entry, OptionSpec, Options, Values, Word};
 use lrbsim_isa::{Addr, Arena, Phase, Runner, Stopped};
 use lrbsim_workloads::ShadowInput;
 
 use crate::columns::Columns;
-use crate::field;
 use crate::irregular::bin::Bins;
 use crate::irregular::grid::Grid;
 use crate::irregular::primitives::{Kind, LightConstants, Primitives};
 use crate::irregular::raster::Raster;
 use crate::irregular::receivers::Receivers;
-use crate::irregular::run::{Runs, Walk};
+use crate::irregular::run::{RunSizes, Runs, Walk};
 use crate::method::{Method, Shadows};
 use crate::scene::Scene;
 use own::Own;
@@ -38,15 +38,27 @@ pub struct Sism;
 const ENTRY: Entry = Entry {
     name: "sism",
     about: "soft irregular shadow mapping (Johnson et al. 2009)",
-    options: &[OptionSpec {
-        name: "form",
-        about: "how an edge is seen on the disc of the light",
-        values: Values::OneOf(&[Word {
-            name: "exact",
-            about: "each vertex along the receiver's own axis: exact for a light that faces the receiver",
-        }]),
-        default: "exact",
-    }],
+    options: &[
+        OptionSpec {
+            name: "form",
+            about: "how an edge is seen on the disc of the light",
+            values: Values::OneOf(&[Word {
+                name: "exact",
+                about: "each vertex along the receiver's own axis: exact for a light that faces the receiver",
+            }]),
+            default: "exact",
+        },
+        OptionSpec {
+            name: "overlap",
+            about: "what occluders hide that overlap on the light",
+            values: Values::OneOf(&[
+                Word { name: "sum", about: "the sum of their parts, as in the paper (C = 0): too dark" },
+                Word { name: "bits:64", about: "what they hide of 64 samples of the light" },
+                Word { name: "bits:256", about: "what they hide of 256 samples of the light" },
+            ]),
+            default: "sum",
+        },
+    ],
 };
 
 const fn phase(id: &'static str, title: &'static str, in_paper_total: bool) -> Phase {
@@ -71,12 +83,40 @@ impl Method for Sism {
         &[SILHOUETTE, GRID, BIN, RASTER, HARD, SOFT, COMPOSE]
     }
 
-    fn run(&self, _: &Options, input: &ShadowInput, runner: &mut Runner<'_>) -> Result<Shadows, Stopped> {
-        let arrays = run(input, runner)?;
+    fn run(
+        &self,
+        options: &Options,
+        input: &ShadowInput,
+        runner: &mut Runner<'_>,
+    ) -> Result<Shadows, Stopped> {
+        let overlap = [Overlap::Sum, Overlap::Bits64, Overlap::Bits256][options.word("overlap")];
+        let arrays = run(input, overlap, runner)?;
         let visibility = arrays.visibility(input, runner.arena);
         let primitives = arrays.primitives;
         let is_soft = primitives.light.is_soft();
         Ok(Shadows { visibility, silhouette_edges: is_soft.then_some(u64::from(primitives.edge_count)) })
+    }
+}
+
+/// What occluders hide that overlap on the light.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Overlap {
+    /// The sum of their parts [johnson09, Eq. 5 with C = 0].
+    Sum,
+    /// What they hide of 64 samples of the light.
+    Bits64,
+    /// What they hide of 256 samples of the light.
+    Bits256,
+}
+
+impl Overlap {
+    /// Sizes of the runs: about 32 K uops each, with more for each test where samples are compared.
+    fn run_sizes(self) -> RunSizes {
+        RunSizes(match self {
+            Overlap::Sum => [10, 8],
+            Overlap::Bits64 => [10, 6],
+            Overlap::Bits256 => [10, 4],
+        })
     }
 }
 
@@ -85,7 +125,8 @@ impl Method for Sism {
 pub struct Sums {
     /// Layers in F and B between the sample and the light.
     pub layers: [i32; 2],
-    /// Parts of the light in F and B beyond silhouette edges, in units of 2^-24.
+    /// Parts of the light in F and B beyond silhouette edges, in units of 2^-24; where samples of the light are compared, the
+    /// covered part of it, layers included, in the first.
     pub coverage: [i32; 2],
 }
 
@@ -114,7 +155,7 @@ impl Arrays {
 /// The program of one frame. Copies the input into the arena, untimed; all else are its steps.
 ///
 /// A point light has neither silhouettes nor a soft phase.
-pub fn run(input: &ShadowInput, runner: &mut Runner<'_>) -> Result<Arrays, Stopped> {
+pub fn run(input: &ShadowInput, overlap: Overlap, runner: &mut Runner<'_>) -> Result<Arrays, Stopped> {
     let scene = Scene::new(input, runner.arena);
     let receivers = Receivers::new(input, runner.arena);
     let light = LightConstants::new(input);
@@ -130,26 +171,29 @@ pub fn run(input: &ShadowInput, runner: &mut Runner<'_>) -> Result<Arrays, Stopp
 
     runner.phase(&RASTER);
     let raster = Raster::build(&primitives, &grid, &bins, runner)?;
-    let runs = Runs::build(&grid, &raster, runner)?;
+    let runs = Runs::build(&grid, &raster, overlap.run_sizes(), runner)?;
 
     runner.phase(&HARD);
     let sums = Columns::overwritten(runner.arena, receivers.count);
-    let layers = [0, 1].map(|i| sums.column(field!(Sums.layers[i])));
-    hard::count(Walk::new(Kind::Triangles, &grid, &raster, &runs, layers), &primitives, &grid, runner)?;
+    hard::count(Walk::new(Kind::Triangles, &grid, &raster, &runs), &primitives, &grid, sums, runner)?;
 
-    if light.is_soft() {
-        runner.phase(&SOFT);
-        let coverage = [0, 1].map(|i| sums.column(field!(Sums.coverage[i])));
-        soft::sum(Walk::new(Kind::Edges, &grid, &raster, &runs, coverage), &primitives, runner)?;
-    }
-
-    runner.phase(&COMPOSE);
-    let visibility = runner.arena.overwritten(u64::from(input.width * input.height));
     let own = light.is_soft().then_some(Own {
         light,
         triangles: primitives.triangles,
         triangle_count: primitives.triangle_count,
     });
-    compose::compose(&grid, &runs, sums, own, visibility, runner)?;
+    if let Some(own) = own {
+        runner.phase(&SOFT);
+        let walk = Walk::new(Kind::Edges, &grid, &raster, &runs);
+        match overlap {
+            Overlap::Sum => soft::sum(walk, &primitives, sums, runner)?,
+            Overlap::Bits64 => bits::cover::<4>(walk, &primitives, own, &grid, &runs, sums, runner)?,
+            Overlap::Bits256 => bits::cover::<16>(walk, &primitives, own, &grid, &runs, sums, runner)?,
+        }
+    }
+
+    runner.phase(&COMPOSE);
+    let visibility = runner.arena.overwritten(u64::from(input.width * input.height));
+    compose::compose(&grid, &runs, sums, own, overlap, visibility, runner)?;
     Ok(Arrays { primitives, grid, runs, sums, visibility })
 }

@@ -14,9 +14,10 @@ use super::soft::{fixed, view};
 use crate::expression::{each, int};
 use crate::field;
 use crate::irregular::primitives::{BACK, CUTS, FRONT, LightConstants, TriangleRecord};
+use crate::light::View;
 use crate::plane::Vec3;
 use crate::record::{Records, words};
-use crate::segment::segment;
+use crate::segment::{Vec2, segment};
 
 /// What takes the own triangles of receivers out of their sums.
 #[derive(Clone, Copy)]
@@ -60,21 +61,41 @@ impl Own {
     pub fn parts<V: Vpu>(&self, v: &mut V, points: Vec3<V>, own: &OwnTriangles<V>) -> [V::I32; 2] {
         let none = v.vset_i32(0);
         let zero = v.vset_f32(0.0);
-        let normal = each!(axis in [0, 1, 2] => {
-            let normals = self.triangles.field(field!(TriangleRecord.normal[axis]));
-            v.vgather_f32_or(zero, own.cut, normals, own.at)
-        });
         let view = view(v, &self.light, points);
-        let (live, [from, to]) = view.horizon(v, own.cut, normal);
+        let (live, [from, to]) = self.horizon(v, &view, own);
         let (live, part) = segment(v, live, from, to);
         let part = fixed(v, part, zero);
         let part = v.vblend_i32(live, part, none);
         each!(layer in [FRONT, BACK] => {
-            let bit = v.vset_i32(layer);
-            let flags = own.flags;
-            let counted = int!(v, flags & bit);
-            let counted = v.vicmp_neq(counted, none);
+            let counted = self.counted(v, own, layer);
             v.vblend_i32(counted, part, none)
         })
+    }
+
+    /// The horizons of receivers on the discs that they see: two points of each line, on either side of the disc; the lanes
+    /// where it cuts the disc.
+    #[inline(always)]
+    pub fn horizon<V: Vpu>(
+        &self,
+        v: &mut V,
+        view: &View<V>,
+        own: &OwnTriangles<V>,
+    ) -> (V::Mask, [Vec2<V>; 2]) {
+        let zero = v.vset_f32(0.0);
+        let normal = each!(axis in [0, 1, 2] => {
+            let normals = self.triangles.field(field!(TriangleRecord.normal[axis]));
+            v.vgather_f32_or(zero, own.cut, normals, own.at)
+        });
+        view.horizon(v, own.cut, normal)
+    }
+
+    /// The lanes whose own triangles are layers of the sum that `layer`, [`FRONT`] or [`BACK`], stands for.
+    #[inline(always)]
+    pub fn counted<V: Vpu>(&self, v: &mut V, own: &OwnTriangles<V>, layer: i32) -> V::Mask {
+        let none = v.vset_i32(0);
+        let bit = v.vset_i32(layer);
+        let flags = own.flags;
+        let counted = int!(v, flags & bit);
+        v.vicmp_neq(counted, none)
     }
 }

@@ -17,7 +17,7 @@ use lrbsim_kernels::irregular::primitives::Primitives;
 use lrbsim_kernels::irregular::receivers::{Receiver, Receivers};
 use lrbsim_kernels::irregular::run::Split;
 use lrbsim_kernels::record::Field;
-use lrbsim_kernels::sism::{self, Arrays, Sums, hard::count_layers, soft};
+use lrbsim_kernels::sism::{self, Arrays, Overlap, Sums, hard::count_layers, soft};
 use lrbsim_workloads::adjacency::prepare;
 use lrbsim_workloads::glam::{DVec3, Vec3};
 use lrbsim_workloads::{Adjacency, EyeView, Light, Mesh, Scene, ShadowInput, load_scene};
@@ -99,7 +99,7 @@ impl Run {
             steps.insert(step.name(), figures);
             Ok(())
         };
-        let arrays = sism::run(input, &mut Runner::new(&mut arena, &mut run_step)).expect("nothing stops it");
+        let arrays = sism::run(input, Overlap::Sum, &mut Runner::new(&mut arena, &mut run_step)).expect("nothing stops it");
         let visibility = arrays.visibility(input, &arena);
         Run { arena, arrays, steps, phases, visibility }
     }

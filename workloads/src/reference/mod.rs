@@ -17,5 +17,5 @@ mod tests;
 pub use hard::{HardHit, hard_test};
 pub use metrics::ErrorMetrics;
 pub use occluders::{Occluders, Projection};
-pub use rays::{Rays, Truth, shadow_rays};
+pub use rays::{Rays, Truth, shadow_rays, spiral};
 pub use segment::area_beyond;

@@ -95,10 +95,7 @@ impl Rays {
             }
             Light::Linear { .. } => DVec2::new((f64::from(i) + 0.5) / n, 0.0),
             _ if point => DVec2::ZERO,
-            _ => {
-                let (radius, angle) = (((f64::from(i) + 0.5) / n).sqrt(), f64::from(i) * GOLDEN_ANGLE);
-                DVec2::new(libm::cos(angle), libm::sin(angle)) * radius
-            }
+            _ => on_spiral(i, count),
         };
         let mut samples: Vec<DVec2> = (0..count).map(sample).collect();
         samples.sort_unstable_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
@@ -225,6 +222,19 @@ impl Spread {
         let (u, v) = (wider(u), wider(across));
         [self.center - u - v, self.center + u - v, self.center + u + v, self.center - u + v]
     }
+}
+
+/// Sample `i` of a spiral of `count` samples on the unit disc.
+fn on_spiral(i: u32, count: u32) -> DVec2 {
+    let (radius, angle) =
+        (((f64::from(i) + 0.5) / f64::from(count)).sqrt(), f64::from(i) * GOLDEN_ANGLE);
+    DVec2::new(libm::cos(angle), libm::sin(angle)) * radius
+}
+
+/// Samples of the unit disc, of equal areas: a spiral that turns by the golden angle [algorithms, §0].
+#[must_use]
+pub fn spiral(count: u32) -> Vec<DVec2> {
+    (0..count).map(|i| on_spiral(i, count)).collect()
 }
 
 /// Whether all of the light is one point.
