@@ -33,7 +33,7 @@ use crate::light::View;
 use crate::plane::side;
 use crate::record::{Record, Records};
 use crate::scene::fill;
-use crate::segment::Vec2;
+use crate::segment::{Vec2, cross};
 
 /// Directions that the samples are turned to.
 const TURNS: u32 = 16;
@@ -267,7 +267,7 @@ impl<const GROUPS: usize> Shade for Bits<GROUPS> {
         let e = [v.vsub(b[0], a[0]), v.vsub(b[1], a[1])];
         let zero = v.vset_f32(0.0);
         let length2 = dot2(v, e, e);
-        let across = cross2(v, a, b);
+        let across = cross(v, a, b);
         let across2 = v.vmul(across, across);
         let chord2 = v.vsub(length2, across2);
         let live = v.vcmp_gt_masked(live, chord2, zero);
@@ -354,8 +354,8 @@ fn together<V: Vpu>(v: &mut V, [front, back]: [V::I32; 2]) -> V::I32 {
 fn crossing<V: Vpu>(v: &mut V, [a, b]: [Vec2<V>; 2], left: V::Mask, step: V::I32) -> Crossing<V> {
     let zero = v.vset_f32(0.0);
     let e = [v.vsub(b[0], a[0]), v.vsub(b[1], a[1])];
-    let offset = cross2(v, e, a);
-    // Left of the edge is where `e x s` is greater; turned around where the middle is.
+    // Left of the edge is where `e x s` is greater than `e x a`; turned around where the middle is.
+    let offset = cross(v, b, a);
     let mut turned = |x: V::F32| v.vsub_or(x, left, zero, x);
     let along = [turned(e[0]), turned(e[1])];
     let offset = turned(offset);

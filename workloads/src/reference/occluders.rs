@@ -235,6 +235,51 @@ impl Occluders {
         (front, back)
     }
 
+    /// How many of some samples of the light, on the unit disc that receiver `p` sees, are covered: those before which there
+    /// is a layer of F or of B. Counts each by itself: layers before the middle of the light, and from there one more or
+    /// less at each silhouette that the way to the sample crosses.
+    #[must_use]
+    pub fn covered_samples(&self, p: DVec3, own: u32, places: &[DVec2]) -> usize {
+        let mut middle = EdgeWeights::default();
+        for (face, _) in self.faces.iter().zip(0_u32..).filter(|(_, id)| *id != own) {
+            let v = face.index.map(|v| self.vertices[v as usize]);
+            let hit = hard_test(v, face.index, p).filter(|hit| hit.inside && hit.t > 0.0);
+            if hit.is_some_and(|hit| hit.t < greatest_t(v)) && (face.front, face.back) != (0, 0) {
+                middle.front += face.front;
+                middle.back += face.back;
+            }
+        }
+        let mut counts = vec![middle; places.len()];
+        let projection = Projection::new(p, self.radius, self.normal);
+        for edge in &self.edges {
+            let [v0, v1] = edge.v.map(|v| self.vertices[v as usize]);
+            let Some([a, b]) = projection.edge(v0, v1) else { continue };
+            let left = is_left(p, v0, v1);
+            let step = if left { -1 } else { 1 };
+            for (place, count) in places.iter().zip(&mut counts) {
+                let between = (a.perp_dot(*place) >= 0.0) != (b.perp_dot(*place) >= 0.0);
+                let is_left_on_disc = (b - a).perp_dot(*place - a) > 0.0;
+                if between && is_left_on_disc == left {
+                    count.front += step * edge.weights.front;
+                    count.back += step * edge.weights.back;
+                }
+            }
+        }
+        if let Some(face) = self.faces.get(own as usize) {
+            let [a, b, c] = face.index.map(|v| self.vertices[v as usize]);
+            let normal = (b - a).cross(c - a);
+            let slope = DVec2::from(projection.basis.map(|side| normal.dot(side))) * self.radius;
+            let middle = -p.dot(normal);
+            for (place, count) in places.iter().zip(&mut counts) {
+                if (middle + slope.dot(*place)) * middle < 0.0 {
+                    count.front += face.front;
+                    count.back += face.back;
+                }
+            }
+        }
+        counts.iter().filter(|count| count.is_silhouette()).count()
+    }
+
     /// Covered part of the light, in [0, 1], at receiver `p`: `min(max(|F|, |B|, |F - B|), 1)`.
     ///
     /// A sum is negative where the receiver and the middle of the light lie on one side of a face that covers part of

@@ -226,8 +226,7 @@ impl Spread {
 
 /// Sample `i` of a spiral of `count` samples on the unit disc.
 fn on_spiral(i: u32, count: u32) -> DVec2 {
-    let (radius, angle) =
-        (((f64::from(i) + 0.5) / f64::from(count)).sqrt(), f64::from(i) * GOLDEN_ANGLE);
+    let (radius, angle) = (((f64::from(i) + 0.5) / f64::from(count)).sqrt(), f64::from(i) * GOLDEN_ANGLE);
     DVec2::new(libm::cos(angle), libm::sin(angle)) * radius
 }
 
