@@ -214,7 +214,7 @@ fn measure(
         Ok(())
     };
     // Stopped after the phase, unless it is the last.
-    let _ = sism::run(input, &mut Runner::new(&mut Arena::new(), &mut run_step));
+    let _ = sism::run(input, sism::Overlap::Sum, &mut Runner::new(&mut Arena::new(), &mut run_step));
     if has_phase {
         return Ok(cost);
     }

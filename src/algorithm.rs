@@ -54,6 +54,11 @@ impl Algorithm {
         self.method.phases()
     }
 
+    /// How many lights the light of a frame is split into.
+    pub fn lights(&self) -> u32 {
+        self.method.lights(&self.options)
+    }
+
     /// Runs the program of one frame.
     pub fn run(&self, input: &ShadowInput, runner: &mut Runner<'_>) -> Result<Shadows, Stopped> {
         self.method.run(&self.options, input, runner)

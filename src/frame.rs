@@ -104,7 +104,7 @@ pub fn run_frame(request: &RunRequest, progress: &dyn Progress) -> Result<RunOut
     let (eye, input, warnings) = on_host_threads(host.threads, || {
         let eye = EyeView::render(&scene.mesh, &scene.camera, scene.image.width, scene.image.height);
         let adjacency = Adjacency::new(&scene.mesh);
-        let input = ShadowInput::new(scene, &adjacency, &eye);
+        let input = ShadowInput::of_lights(scene, request.algorithm.lights(), &adjacency, &eye);
         let warnings = warnings(scene, &adjacency, &eye);
         (eye, input, warnings)
     })?;
@@ -194,10 +194,12 @@ fn simulate(
             Stopped
         })?;
         progress.uops(cost.issued);
-        if phases.last().is_none_or(|last| last.phase != phase) {
+        // A program may come back to a phase, as for each light of several.
+        let row = phases.iter().position(|row| row.phase == phase).unwrap_or_else(|| {
             phases.push(PhaseCosts { phase, steps: Vec::new(), core_busy_cycles: None });
-        }
-        let last = phases.last_mut().expect("pushed above");
+            phases.len() - 1
+        });
+        let last = &mut phases[row];
         last.steps.push((step.name(), cost));
         if let Some(busy) = engine.core_busy_cycles() {
             let sums = last.core_busy_cycles.get_or_insert_with(|| vec![0; busy.len()]);

@@ -2,11 +2,11 @@
 
 #![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
 
-use lrbsim_isa::{Addr, Compare, Kernel, Runner, Step, Stopped, Vpu};
+use lrbsim_isa::{Compare, Kernel, Runner, Step, Stopped, Vpu};
 
 use super::own::Own;
 use super::soft::WHOLE;
-use super::{Overlap, Sums};
+use super::{Overlap, Picture, Sums};
 use crate::columns::{Columns, lanes_below, lower, task_range};
 use crate::expression::{each, scalar};
 use crate::field;
@@ -21,17 +21,17 @@ const TASK: u32 = 1024;
 /// Number of keys of a block, as a power of two.
 const BLOCK_KEYS_LOG2: i32 = (CHILDREN * SLICES).trailing_zeros() as i32;
 
-/// Composes the visibility of all samples, to the pixels at `visibility`.
+/// Composes the visibility of all samples, to the pixels of `picture`.
 pub fn compose(
     grid: &Grid,
     runs: &Runs,
     sums: Columns<Sums>,
     own: Option<Own>,
     overlap: Overlap,
-    visibility: Addr,
+    picture: Picture,
     runner: &mut Runner<'_>,
 ) -> Result<(), Stopped> {
-    let compose = Compose { grid: *grid, splits: runs.splits, sums, own, overlap, visibility };
+    let compose = Compose { grid: *grid, splits: runs.splits, sums, own, overlap, picture };
     // SAFETY: each task writes the pixels of its own samples: a receiver has a pixel of its own.
     runner.run(&unsafe { Step::independent("compose", grid.receivers.count.div_ceil(TASK), compose) })
 }
@@ -45,7 +45,7 @@ struct Compose {
     own: Option<Own>,
     /// Whether parts are summed here, or have been compared with one another.
     overlap: Overlap,
-    visibility: Addr,
+    picture: Picture,
 }
 
 impl Kernel for Compose {
@@ -68,6 +68,22 @@ impl Kernel for Compose {
 }
 
 impl Compose {
+    /// What the lights so far make of pixels whose part of this light is `visible`.
+    #[inline(always)]
+    fn together<V: Vpu>(&self, v: &mut V, live: V::Mask, pixel: V::I32, visible: V::F32) -> V::F32 {
+        let Picture { visibility, number, of } = self.picture;
+        if of == 1 {
+            return visible;
+        }
+        let zero = v.vset_f32(0.0);
+        let before = if number == 0 { zero } else { v.vgather_f32_or(zero, live, visibility, pixel) };
+        let part = v.vset_f32(1.0 / of as f32);
+        let one = v.vset_f32(1.0);
+        let sum = v.vmadd(visible, part, before);
+        // Parts that are no powers of two add up to a little more than one.
+        v.vmin(sum, one)
+    }
+
     /// The block that sample `sample` lies in, by bisection.
     #[inline(always)]
     fn block_of<V: Vpu>(&self, v: &mut V, sample: V::S32) -> V::S32 {
@@ -140,7 +156,8 @@ impl Compose {
             };
             let pixel =
                 v.vgather_i32_or(none, live, grid.receivers.columns.column(field!(Receiver.pixel)), receiver);
-            v.vscatter_f32(live, self.visibility, pixel, visible);
+            let visible = self.together(v, live, pixel, visible);
+            v.vscatter_f32(live, self.picture.visibility, pixel, visible);
             i = scalar!(v, i + 16);
         }
     }

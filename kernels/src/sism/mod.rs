@@ -58,6 +58,12 @@ const ENTRY: Entry = Entry {
             ]),
             default: "sum",
         },
+        OptionSpec {
+            name: "lights",
+            about: "how many smaller lights the light is split into, each with the silhouettes that it sees",
+            values: Values::Whole(1, 64),
+            default: "1",
+        },
     ],
 };
 
@@ -83,6 +89,10 @@ impl Method for Sism {
         &[SILHOUETTE, GRID, BIN, RASTER, HARD, SOFT, COMPOSE]
     }
 
+    fn lights(&self, options: &Options) -> u32 {
+        options.whole("lights")
+    }
+
     fn run(
         &self,
         options: &Options,
@@ -90,11 +100,20 @@ impl Method for Sism {
         runner: &mut Runner<'_>,
     ) -> Result<Shadows, Stopped> {
         let overlap = [Overlap::Sum, Overlap::Bits64, Overlap::Bits256][options.word("overlap")];
-        let arrays = run(input, overlap, runner)?;
-        let visibility = arrays.visibility(input, runner.arena);
-        let primitives = arrays.primitives;
-        let is_soft = primitives.light.is_soft();
-        Ok(Shadows { visibility, silhouette_edges: is_soft.then_some(u64::from(primitives.edge_count)) })
+        let lights = if input.parts.is_empty() { core::slice::from_ref(input) } else { &input.parts };
+        let visibility = runner.arena.overwritten(u64::from(input.width * input.height));
+        let first = runner.arena.used_bytes();
+        let mut silhouette_edges = None;
+        for (number, light) in (0..).zip(lights) {
+            // Each where the one before was: nothing but the picture outlives its light.
+            runner.arena.give_back(first);
+            let picture = Picture { visibility, number, of: lights.len() as u32 };
+            let primitives = run_light(light, overlap, picture, runner)?.primitives;
+            if primitives.light.is_soft() {
+                *silhouette_edges.get_or_insert(0) += u64::from(primitives.edge_count);
+            }
+        }
+        Ok(Shadows { visibility: read(visibility, input, runner.arena), silhouette_edges })
     }
 }
 
@@ -147,15 +166,42 @@ pub struct Arrays {
 impl Arrays {
     /// Visible part of the light in [0, 1], one a receiver, in the order of the input.
     pub fn visibility(&self, input: &ShadowInput, arena: &Arena) -> Vec<f32> {
-        let at = |&pixel: &u32| arena.read_f32(self.visibility.plus_words(u64::from(pixel)));
-        input.receiver_pixel.iter().map(at).collect()
+        read(self.visibility, input, arena)
     }
 }
 
-/// The program of one frame. Copies the input into the arena, untimed; all else are its steps.
+/// What the picture at `visibility` has for the receivers of `input`, in their order.
+fn read(visibility: Addr, input: &ShadowInput, arena: &Arena) -> Vec<f32> {
+    let at = |&pixel: &u32| arena.read_f32(visibility.plus_words(u64::from(pixel)));
+    input.receiver_pixel.iter().map(at).collect()
+}
+
+/// The picture that lights add to, one after the other.
+#[derive(Debug, Clone, Copy)]
+pub struct Picture {
+    /// Visible part of the light by pixel.
+    pub visibility: Addr,
+    /// Number of the light that adds to it; the first begins it.
+    pub number: u32,
+    /// Number of lights.
+    pub of: u32,
+}
+
+/// The program of one frame with one light.
+pub fn run(input: &ShadowInput, overlap: Overlap, runner: &mut Runner<'_>) -> Result<Arrays, Stopped> {
+    let visibility = runner.arena.overwritten(u64::from(input.width * input.height));
+    run_light(input, overlap, Picture { visibility, number: 0, of: 1 }, runner)
+}
+
+/// The program of one light. Copies the input into the arena, untimed; all else are its steps.
 ///
 /// A point light has neither silhouettes nor a soft phase.
-pub fn run(input: &ShadowInput, overlap: Overlap, runner: &mut Runner<'_>) -> Result<Arrays, Stopped> {
+fn run_light(
+    input: &ShadowInput,
+    overlap: Overlap,
+    picture: Picture,
+    runner: &mut Runner<'_>,
+) -> Result<Arrays, Stopped> {
     let scene = Scene::new(input, runner.arena);
     let receivers = Receivers::new(input, runner.arena);
     let light = LightConstants::new(input);
@@ -193,7 +239,6 @@ pub fn run(input: &ShadowInput, overlap: Overlap, runner: &mut Runner<'_>) -> Re
     }
 
     runner.phase(&COMPOSE);
-    let visibility = runner.arena.overwritten(u64::from(input.width * input.height));
-    compose::compose(&grid, &runs, sums, own, overlap, visibility, runner)?;
-    Ok(Arrays { primitives, grid, runs, sums, visibility })
+    compose::compose(&grid, &runs, sums, own, overlap, picture, runner)?;
+    Ok(Arrays { primitives, grid, runs, sums, visibility: picture.visibility })
 }

@@ -264,6 +264,13 @@ impl Arena {
         addr
     }
 
+    /// Gives back all arrays from byte `first` on, which [`Arena::used_bytes`] was before the first of them: those to come lie
+    /// where they lay.
+    pub fn give_back(&mut self, first: u64) {
+        assert!((FIRST_FREE_BYTE..=self.used_bytes).contains(&first), "byte {first} was not given out");
+        self.used_bytes = first;
+    }
+
     /// Bytes that [`Arena::overwritten`] has given out so far, those of the runtime included.
     #[inline(always)]
     pub fn used_bytes(&self) -> u64 {
