@@ -15,7 +15,8 @@ use crate::json::{self, Spots};
 use crate::settings::distance;
 
 /// Name and text of each shipped study.
-const STUDIES: [(&str, &str); 2] = [
+const STUDIES: [(&str, &str); 3] = [
+    ("accuracy", include_str!("../../configs/studies/accuracy.json")),
     ("cores", include_str!("../../configs/studies/cores.json")),
     ("orbit", include_str!("../../configs/studies/orbit.json")),
 ];
