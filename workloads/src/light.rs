@@ -193,6 +193,41 @@ fn cut_by_plane(corners: [DVec3; 3], center: DVec3, normal: DVec3) -> Option<[DV
 mod tests {
     use super::*;
 
+    /// What a light seen along each axis has for second moments about its middle, over its radius squared: 1/4 for a disc.
+    fn moments(parts: &[Light], radius: f64) -> DVec3 {
+        let own = parts[0].disc_radius().powi(2) / 4.0;
+        let sum: DVec3 = parts.iter().map(|part| part.center() * part.center()).sum();
+        (sum / parts.len() as f64 + own) / radius.powi(2)
+    }
+
+    #[test]
+    fn parts_of_a_light_have_its_area_its_middle_and_its_spread() {
+        let radius = 3.0;
+        let sphere = Light::Sphere { center: DVec3::ZERO, radius };
+        let disc = Light::Disc { center: DVec3::ZERO, normal: DVec3::Z, radius };
+        for count in [4_u32, 16, 64] {
+            for light in [sphere, disc] {
+                let parts = light.split(count);
+                let area: f64 = parts.iter().map(|part| part.disc_radius().powi(2)).sum();
+                assert!((area - radius * radius).abs() < 1e-12, "{count} parts of {light:?}");
+                let middle: DVec3 = parts.iter().map(|part| part.center()).sum();
+                let off = middle.length() / f64::from(count) / radius;
+                // So few places are not quite even.
+                let most = 0.8 / f64::from(count).sqrt();
+                assert!(off < 0.3 * most.max(0.1), "{count} parts of {light:?}: the middle is off by {off}");
+                let moments = moments(&parts, radius);
+                let axes =
+                    if light == disc { vec![moments.x, moments.y] } else { moments.to_array().to_vec() };
+                for moment in axes {
+                    assert!((moment - 0.25).abs() < 0.25 * most, "{count} parts of {light:?}: {moment}");
+                }
+            }
+        }
+        assert_eq!(sphere.split(1), [sphere]);
+        let point = Light::Point { center: DVec3::ONE };
+        assert_eq!(point.split(16), [point]);
+    }
+
     #[test]
     fn a_light_touches_what_reaches_into_it() {
         let triangle = |height| {

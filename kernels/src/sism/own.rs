@@ -3,7 +3,7 @@
 //! A triangle hides nothing from the receivers on it, and `hard` counts no layer of it for them. But silhouettes are those of
 //! whole bodies: among the parts that `soft` adds up are those of the triangle's own edges. From a receiver on the triangle all
 //! of them lie on one line, where its plane cuts the disc of the light: its horizon. Their sum is less the part of the disc
-//! beyond that line, seen from the middle [algorithms, 0]; it is given back here. On a round body next to its terminator, where
+//! beyond that line, seen from the middle [algorithms, 2.8]; it is given back here. On a round body next to its terminator, where
 //! neighbors hide what lies below the horizon, that part is all of the shadow.
 //!
 //! Few planes cut the light: [`CUTS`] says which, so that the receivers on all others cost two loads.
