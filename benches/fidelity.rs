@@ -123,6 +123,7 @@ fn main() -> Result<(), Error> {
                 algorithm: Algorithm::default(),
                 fidelity: Fidelity::Cycle,
                 warm_frames: 0,
+                reference: None,
                 host: HostOptions::default(),
             };
             let name = format!("{scene_name} on {cores} cores");

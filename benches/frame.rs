@@ -214,7 +214,7 @@ fn measure(
         Ok(())
     };
     // Stopped after the phase, unless it is the last.
-    let _ = sism::run(input, &mut Runner::new(&mut Arena::new(), &mut run_step));
+    let _ = sism::run(input, sism::Overlap::Sum, &mut Runner::new(&mut Arena::new(), &mut run_step));
     if has_phase {
         return Ok(cost);
     }
@@ -319,6 +319,7 @@ fn host_threads(scene_name: &str, size: Option<(u32, u32)>) -> Result<(), Error>
         algorithm: Algorithm::default(),
         fidelity: Fidelity::Windowed,
         warm_frames: 0,
+        reference: None,
         host: HostOptions::default(),
     };
     // Turn and turn about, so that what else runs on the host meets all alike; of each phase the best.

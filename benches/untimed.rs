@@ -429,6 +429,7 @@ fn frame_ms(scene: &str) -> Result<f64, Error> {
         algorithm: Algorithm::default(),
         fidelity: Fidelity::Windowed,
         warm_frames: 0,
+        reference: None,
         host: HostOptions { threads: 1, ..HostOptions::default() },
     };
     run_frame(&request, &Quiet)?.report.total.ms.ok_or_else(|| "no time".into())

@@ -29,9 +29,34 @@ impl Algorithm {
         self.method.entry().name
     }
 
+    /// What the algorithm is, for people, with all of its options.
+    pub fn title(&self) -> String {
+        let about = self.method.entry().about;
+        match self.options.to_string() {
+            options if options.is_empty() => about.to_owned(),
+            options => format!("{about}, {options}"),
+        }
+    }
+
+    /// The options of the algorithm, each with its value as users write it.
+    pub fn options(&self) -> impl Iterator<Item = (&'static str, String)> {
+        self.options.written()
+    }
+
+    /// This algorithm with the option that `written`, `KEY=VALUE`, gives in place of what it was.
+    pub fn with_option(self, written: &str) -> Result<Algorithm, BadInput> {
+        let Algorithm { method, options } = self;
+        Ok(Algorithm { method, options: method.entry().with_option(options, written)? })
+    }
+
     /// All phases that the algorithm can have, in order.
     pub fn phases(&self) -> &'static [Phase] {
         self.method.phases()
+    }
+
+    /// How many lights the light of a frame is split into.
+    pub fn lights(&self) -> u32 {
+        self.method.lights(&self.options)
     }
 
     /// Runs the program of one frame.
@@ -101,7 +126,17 @@ mod tests {
 
     #[test]
     fn what_is_nothing_is_refused() {
-        for text in ["", "sims", "sism:form=round", "sism:colour=red", "sism:form", "atty"] {
+        for text in [
+            "",
+            "sims",
+            "sism:",
+            "sism:,,",
+            "sism:form=exact,",
+            "sism:form=round",
+            "sism:colour=red",
+            "sism:form",
+            "atty",
+        ] {
             assert!(text.parse::<Algorithm>().is_err(), "{text}");
         }
     }

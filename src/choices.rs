@@ -2,7 +2,7 @@
 
 use lrbsim_isa::options::{Entry, Values};
 use lrbsim_kernels::method::{METHODS, Method};
-use lrbsim_machine::fidelity::LEVELS;
+use lrbsim_machine::Fidelity;
 use serde_json::{Value, json};
 
 /// Help on `-a`: every shipped method with its options.
@@ -13,7 +13,12 @@ pub fn algorithm_help() -> String {
 
 /// Help on `--fidelity`: every level with its options.
 pub fn fidelity_help() -> String {
-    format!("How much of the machine is modeled:\n{}", help(&LEVELS))
+    format!("How much of the machine is modeled:\n{}", help(&levels()))
+}
+
+/// What the levels of modeling say of themselves.
+fn levels() -> [Entry; Fidelity::ALL.len()] {
+    Fidelity::ALL.map(Fidelity::entry)
 }
 
 /// Entries with their options, some lines each.
@@ -38,14 +43,19 @@ fn help(entries: &[Entry]) -> String {
 
 /// Narrows the schema of a study to the methods and fidelities that there are.
 pub fn narrow_study_schema(schema: &mut Value) {
-    let methods = METHODS.map(|method| method.entry());
-    for (field, entries) in [("algorithm", &methods[..]), ("fidelity", &LEVELS[..])] {
+    let (methods, levels) = (METHODS.map(|method| method.entry()), levels());
+    for (field, entries) in [("algorithm", &methods[..]), ("fidelity", &levels[..])] {
         let field = schema.pointer_mut(&format!("/$defs/Base/properties/{field}"));
-        field.expect("a study has a base with these")["pattern"] = json!(pattern(entries));
+        let field = field.expect("a study has a base with these");
+        field["pattern"] = json!(pattern(entries));
+        if let Some(twice) = pattern_of_twice(entries) {
+            field["not"] = json!({"pattern": twice});
+        }
     }
 }
 
-/// A regular expression of the texts that choose one of `entries`, but for the limits of numbers.
+/// A regular expression of the texts that choose one of `entries`, but for the limits of numbers and options that are there
+/// twice.
 fn pattern(entries: &[Entry]) -> String {
     let of_values = |values: Values| match values {
         Values::OneOf(words) => {
@@ -70,10 +80,21 @@ fn pattern(entries: &[Entry]) -> String {
     format!("^({})$", entries.iter().map(of_entry).collect::<Vec<_>>().join("|"))
 }
 
+/// A regular expression of the texts with an option that is there twice, which a schema has to refuse by itself: one pattern
+/// that held every order of options without a repetition would be as long as there are orders. `None` without options.
+fn pattern_of_twice(entries: &[Entry]) -> Option<String> {
+    let mut names: Vec<&str> =
+        entries.iter().flat_map(|entry| entry.options).map(|option| option.name).collect();
+    names.sort_unstable();
+    names.dedup();
+    let twice: Vec<String> = names.iter().map(|name| format!("[:,]{name}=.*,{name}=")).collect();
+    (!twice.is_empty()).then(|| twice.join("|"))
+}
+
 /// The page of documentation on `methods` and fidelities, as Markdown: `docs/choices.md`.
 pub fn page(methods: &[&dyn Method]) -> String {
     let mut text = String::from(
-        "# What can be chosen\n\nMethods and fidelities with their options, as `-a`, `--fidelity` and studies take them: `NAME` or `NAME:KEY=VALUE,…`.\nWritten from the program's own lists; a test keeps it in step with them.\n\n## Methods (`-a`, `\"algorithm\"`)\n",
+        "# What can be chosen\n\nMethods and fidelities with their options, as `-a`, `--fidelity` and studies take them: `NAME` or `NAME:KEY=VALUE,…`.\nAn option of a method can also be an axis of a study or a part of its `set`, as `algorithm.KEY`.\nWritten from the program's own lists; a test keeps it in step with them.\n\n## Methods (`-a`, `\"algorithm\"`)\n",
     );
     for method in methods {
         let entry = method.entry();
@@ -85,7 +106,7 @@ pub fn page(methods: &[&dyn Method]) -> String {
         }
     }
     text.push_str("\n## Fidelities (`--fidelity`, `\"fidelity\"`)\n");
-    LEVELS.iter().for_each(|entry| section(&mut text, entry));
+    levels().iter().for_each(|entry| section(&mut text, entry));
     text
 }
 
@@ -127,7 +148,7 @@ mod tests {
     #[test]
     fn help_names_every_method_level_and_option() {
         let text = algorithm_help() + &fidelity_help();
-        for entry in METHODS.map(|method| method.entry()).iter().chain(&LEVELS) {
+        for entry in METHODS.map(|method| method.entry()).iter().chain(&levels()) {
             assert!(text.contains(&format!("  {}: ", entry.name)), "{text}");
             for option in entry.options {
                 assert!(text.contains(&format!("    {}: ", option.name)), "{text}");
@@ -139,6 +160,10 @@ mod tests {
     fn the_pattern_of_a_study_takes_what_users_write() {
         let methods = METHODS.map(|method| method.entry());
         assert_eq!(pattern(&methods[..1]), "^(sism(:(form=(exact))(,(form=(exact)))*)?)$");
-        assert_eq!(pattern(&LEVELS), "^(functional|windowed|cycle)$");
+        assert_eq!(pattern_of_twice(&methods[..1]).as_deref(), Some("[:,]form=.*,form="));
+        assert_eq!(
+            (pattern(&levels()), pattern_of_twice(&levels())),
+            ("^(functional|windowed|cycle)$".to_owned(), None)
+        );
     }
 }

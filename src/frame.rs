@@ -18,10 +18,11 @@ use crate::error::BadInput;
 use crate::host::{Stopwatch, node, peak_rss_bytes};
 use crate::inputs::Machine;
 use crate::progress::Progress;
+use crate::reference::ReferenceRequest;
 
 /// Version of what the simulator's numbers mean. Raise it whenever the same inputs give other numbers: finished points of
 /// an older version are then run again. The test `results_that_change_raise_the_version` reminds of it.
-pub const SEMANTICS: u32 = 6;
+pub const SEMANTICS: u32 = 7;
 
 /// Frames at most before the measured one: the caches are as warm as they get after a few.
 const WARM_FRAMES_MAX: u32 = 1000;
@@ -39,6 +40,8 @@ pub struct RunRequest {
     pub fidelity: Fidelity,
     /// Frames run before the measured one, to warm the caches.
     pub warm_frames: u32,
+    /// The reference that the picture is judged by; `None`: it is not.
+    pub reference: Option<ReferenceRequest>,
     /// How the host goes about it; changes no result.
     pub host: HostOptions,
 }
@@ -79,6 +82,8 @@ pub struct Frame {
     pub height: u32,
     /// Part of the light that is seen, in [0, 1].
     pub visibility: Vec<f32>,
+    /// The same by the reference, where one was asked for.
+    pub reference: Option<Vec<f32>>,
     /// Points that the eye sees, world space: x, y, z a pixel.
     pub points: Vec<f32>,
     /// Unit normals of the surface there, turned to the eye: x, y, z a pixel.
@@ -92,13 +97,14 @@ pub fn run_frame(request: &RunRequest, progress: &dyn Progress) -> Result<RunOut
     let watch = Stopwatch::start();
     let RunRequest { scene, machine, fidelity, host, .. } = request;
     check_warm_frames(request.warm_frames)?;
+    request.reference.as_ref().map_or(Ok(()), |reference| reference.check(scene))?;
 
     // What the eye sees: on the host, untimed, as in the paper.
     progress.part("eye view");
     let (eye, input, warnings) = on_host_threads(host.threads, || {
         let eye = EyeView::render(&scene.mesh, &scene.camera, scene.image.width, scene.image.height);
         let adjacency = Adjacency::new(&scene.mesh);
-        let input = ShadowInput::new(scene, &adjacency, &eye);
+        let input = ShadowInput::of_lights(scene, request.algorithm.lights(), &adjacency, &eye);
         let warnings = warnings(scene, &adjacency, &eye);
         (eye, input, warnings)
     })?;
@@ -114,12 +120,28 @@ pub fn run_frame(request: &RunRequest, progress: &dyn Progress) -> Result<RunOut
     let simulation_seconds = simulation.elapsed().as_secs_f64();
 
     // What came out.
-    let frame = Frame::new(scene, &eye, &simulated.shadows.visibility);
-    let report = report(request, &eye, &simulated, &frame, warnings);
+    let visibility = &simulated.shadows.visibility;
+    let wrong = visibility.iter().find(|visible| !(0.0..=1.0).contains(*visible));
+    assert!(wrong.is_none(), "`{}` leaves a visibility of {wrong:?}", request.algorithm);
+    let mut frame = Frame::new(scene, &eye, visibility);
+    let mut report = report(request, &eye, &simulated, &frame, warnings);
+    let seconds = watch.elapsed().as_secs_f64();
+
+    // How right it is: by the host, untimed.
+    let mut reference_cost = None;
+    if let Some(asked) = &request.reference {
+        let reference = on_host_threads(host.threads, || asked.run(scene, &eye, progress))??;
+        report.image.error = Some(reference.judge(asked.samples, visibility));
+        let truth: Vec<f32> = reference.truth.visibility().iter().map(|visible| *visible as f32).collect();
+        frame.reference = Some(frame.spread(&eye, &truth));
+        reference_cost = Some((reference.seconds, reference.found));
+    }
     let instructions: u64 = report.phases.iter().map(|phase| phase.instructions.total).sum();
     let host = HostReport {
         node: node(),
-        seconds: watch.elapsed().as_secs_f64(),
+        seconds,
+        reference_seconds: reference_cost.map(|(seconds, _)| seconds),
+        reference_found: reference_cost.map(|(_, found)| found),
         simulated_instructions_per_second: (instructions * (1 + u64::from(request.warm_frames))) as f64
             / simulation_seconds.max(1e-9),
         peak_rss_bytes: peak_rss_bytes(),
@@ -141,8 +163,8 @@ pub(crate) fn check_warm_frames(frames: u32) -> Result<(), BadInput> {
 /// Runs `work`, and what it runs in parallel, on at most `threads` host threads.
 fn on_host_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> Result<T, BadInput> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-    let pool =
-        pool.map_err(|error| BadInput::new(format!("the host gives no {threads} threads: {error}")))?;
+    let pool = pool
+        .map_err(|error| BadInput::new(format!("the host gives no {threads} threads: {error}")).passing())?;
     Ok(pool.install(work))
 }
 
@@ -173,10 +195,12 @@ fn simulate(
             Stopped
         })?;
         progress.uops(cost.issued);
-        if phases.last().is_none_or(|last| last.phase != phase) {
+        // A program may come back to a phase, as for each light of several.
+        let row = phases.iter().position(|row| row.phase == phase).unwrap_or_else(|| {
             phases.push(PhaseCosts { phase, steps: Vec::new(), core_busy_cycles: None });
-        }
-        let last = phases.last_mut().expect("pushed above");
+            phases.len() - 1
+        });
+        let last = &mut phases[row];
         last.steps.push((step.name(), cost));
         if let Some(busy) = engine.core_busy_cycles() {
             let sums = last.core_busy_cycles.get_or_insert_with(|| vec![0; busy.len()]);
@@ -194,7 +218,7 @@ fn simulate(
 
 /// A host that is too small for the frame.
 fn no_memory(error: ArenaError) -> BadInput {
-    BadInput::new(error.to_string()).with_help(
+    BadInput::new(error.to_string()).passing().with_help(
         "a smaller image or mesh needs less; so does a host that limits the address space less (`ulimit -v`)",
     )
 }
@@ -292,19 +316,29 @@ impl Frame {
         let mut frame = Frame {
             width: eye.width,
             height: eye.height,
-            visibility: vec![NOTHING_HIT; pixels],
+            visibility: Vec::new(),
+            reference: None,
             points: vec![NOTHING_HIT; 3 * pixels],
             normals: vec![NOTHING_HIT; 3 * pixels],
             cosine: vec![NOTHING_HIT; pixels],
         };
+        frame.visibility = frame.spread(eye, receiver_visibility);
         let light = scene.light.center();
         for (index, pixel) in eye.pixels.iter().enumerate() {
             let (pixel, point, normal) = (*pixel as usize, eye.points[index], eye.normals[index]);
-            frame.visibility[pixel] = receiver_visibility[index];
             frame.points[3 * pixel..3 * pixel + 3].copy_from_slice(&point.as_vec3().to_array());
             frame.normals[3 * pixel..3 * pixel + 3].copy_from_slice(&normal.to_array());
             frame.cosine[pixel] = normal.dot((light - point).normalize_or_zero().as_vec3());
         }
         frame
+    }
+
+    /// A value for each pixel from one for each receiver.
+    fn spread(&self, eye: &EyeView, of_receivers: &[f32]) -> Vec<f32> {
+        let mut of_pixels = vec![NOTHING_HIT; self.width as usize * self.height as usize];
+        for (pixel, value) in eye.pixels.iter().zip(of_receivers) {
+            of_pixels[*pixel as usize] = *value;
+        }
+        of_pixels
     }
 }

@@ -38,6 +38,10 @@ pub fn run_frames(
     if !(1..=FRAMES_MAX).contains(&frames) {
         return Err(BadInput::new(format!("`--frames` is {frames}; it must be from 1 to {FRAMES_MAX}")));
     }
+    if request.reference.is_some() {
+        return Err(BadInput::new("`--reference` judges one frame, and `--frames` asks for several")
+            .with_help("`--time T` instead of `--frames` judges the frame at that time, from 0 to 1"));
+    }
     let times: Vec<f64> = (0..frames).map(|i| f64::from(i) / f64::from((frames - 1).max(1))).collect();
     // A view that cannot be had is found before the long run.
     for time in &times {

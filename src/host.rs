@@ -1,9 +1,12 @@
 //! The host: what a run costs it, its name, and the program that runs there.
 
+use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
 use lrbsim_reports::picture::sha256_of_reader;
+
+use crate::results::safe_name;
 
 /// A running stopwatch: the one place where the program looks at a clock.
 #[derive(Debug, Clone, Copy)]
@@ -28,6 +31,14 @@ impl Stopwatch {
 /// Name of this host.
 pub fn node() -> String {
     gethostname::gethostname().to_string_lossy().into_owned()
+}
+
+/// Last extension of files that are being written.
+pub const PARTIAL: &str = "partial";
+
+/// A name beside `file` that no other process writes to, on this host or another.
+pub fn partial(file: &Path) -> PathBuf {
+    file.with_extension(format!("{}-{}.{PARTIAL}", safe_name(&node()), std::process::id()))
 }
 
 /// SHA-256 of the program that runs here, in hexadecimal: two builds that differ in anything have other hashes. Empty where

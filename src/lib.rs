@@ -11,6 +11,7 @@
 //!     algorithm: lrbsim::Algorithm::default(),
 //!     fidelity: lrbsim_machine::Fidelity::Windowed,
 //!     warm_frames: 0,
+//!     reference: None,
 //!     host: HostOptions::default(),
 //! };
 //! let output = run_frame(&request, &Quiet)?;
@@ -29,6 +30,7 @@ pub mod inputs;
 mod json;
 pub mod progress;
 pub mod published;
+pub mod reference;
 pub mod results;
 mod settings;
 pub mod study;
@@ -39,4 +41,5 @@ pub use algorithm::Algorithm;
 pub use error::BadInput;
 pub use frame::{Frame, HostOptions, RunOutput, RunRequest, SEMANTICS, run_frame};
 pub use inputs::Machine;
+pub use reference::ReferenceRequest;
 pub use settings::Setting;

@@ -9,6 +9,14 @@ pub trait Progress: Sync {
         let _ = what;
     }
 
+    /// A part of the run begins that is not simulated and has `count` pieces.
+    fn counted(&self, what: &str, count: u32) {
+        let _ = (what, count);
+    }
+
+    /// A piece of such a part is done.
+    fn one_done(&self) {}
+
     /// A step with `tasks` tasks of phase `title` begins.
     fn step(&self, title: &str, tasks: u32) {
         let _ = (title, tasks);

@@ -57,7 +57,11 @@ pub fn folders(path: &Path) -> Result<Vec<PathBuf>, BadInput> {
     if path.join(MANIFEST).is_file() {
         return Ok(vec![path.to_owned()]);
     }
-    let entries = std::fs::read_dir(path).map_err(|error| BadInput::unreadable(path, &error))?;
+    let entries = std::fs::read_dir(path).map_err(|error| {
+        BadInput::unreadable(path, &error).with_help(
+            "the published results of lrbsim are in its checkout: run `lrbsim verify` there, or `lrbsim verify DIR` with the folder of others",
+        )
+    })?;
     let mut found: Vec<PathBuf> =
         entries.flatten().map(|entry| entry.path()).filter(|path| path.join(MANIFEST).is_file()).collect();
     found.sort();

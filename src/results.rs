@@ -16,9 +16,13 @@ const FILES: [&str; 4] = ["image.png", "visibility.png", "host.json", "report.js
 /// The files that a dump adds to those of a run.
 const DUMPS: [&str; 5] = ["receivers.npy", "normals.npy", "visibility.npy", "light.json", "mesh.obj"];
 
-/// Names of the files that a run writes, with or without its dump.
-pub fn names(dump: bool) -> Vec<&'static str> {
-    FILES.into_iter().chain(if dump { &DUMPS[..] } else { &[] }.iter().copied()).collect()
+/// The files that a reference adds to those of a run.
+const JUDGED: [&str; 2] = ["reference.png", "error.png"];
+
+/// Names of the files that a run writes, with or without its dump and its reference.
+pub fn names(dump: bool, reference: bool) -> Vec<&'static str> {
+    let extra = [(dump, &DUMPS[..]), (reference, &JUDGED[..])].into_iter().filter(|(asked, _)| *asked);
+    FILES.into_iter().chain(extra.flat_map(|(_, names)| names.iter().copied())).collect()
 }
 
 /// Refuses to write files called `names` to `dir` if one of them, or of the results there that would go, was read.
@@ -75,6 +79,10 @@ pub fn stage(dir: &mut ResultDir, output: &RunOutput, scene: &Scene, dump: bool)
     let (width, height) = (frame.width, frame.height);
     dir.stage("image.png", &picture::shaded_png(width, height, &frame.visibility, &frame.cosine))?;
     dir.stage("visibility.png", &picture::visibility_png(width, height, &frame.visibility))?;
+    if let Some(reference) = &frame.reference {
+        dir.stage("reference.png", &picture::shaded_png(width, height, reference, &frame.cosine))?;
+        dir.stage("error.png", &picture::error_png(width, height, &frame.visibility, reference))?;
+    }
     if dump {
         let shape = [height as usize, width as usize];
         let vectors = [shape[0], shape[1], 3];

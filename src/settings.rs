@@ -72,7 +72,7 @@ fn leaf<'a>(tree: &'a mut Value, setting: &Setting, root: &str) -> Result<&'a mu
         };
         if !known.iter().any(|key| key == name) {
             return Err(BadInput::new(format!("{said}: {at} has no field `{name}`"))
-                .with_help(nearest_first(name, &known)));
+                .with_help(nearest_first(name, "fields", &known)));
         }
         place = match place {
             Value::Array(list) => &mut list[name.parse::<usize>().expect("it is one of the known numbers")],
@@ -88,32 +88,38 @@ fn leaf<'a>(tree: &'a mut Value, setting: &Setting, root: &str) -> Result<&'a mu
     Ok(place)
 }
 
-/// The valid names, those most like `name` first.
-pub fn nearest_first(name: &str, known: &[String]) -> String {
+/// The valid names, which are `kind`, those most like `name` first.
+pub fn nearest_first(name: &str, kind: &str, known: &[String]) -> String {
     let mut names: Vec<&String> = known.iter().collect();
     names.sort_by_cached_key(|candidate| distance(name, candidate));
     match names.first() {
         Some(nearest) if distance(name, nearest) <= name.len().div_ceil(3).max(1) => {
             let rest: Vec<&str> = names.iter().map(|name| name.as_str()).collect();
-            format!("did you mean `{nearest}`? fields: {}", rest.join(", "))
+            format!("did you mean `{nearest}`? {kind}: {}", rest.join(", "))
         }
-        _ => format!("fields: {}", known.join(", ")),
+        _ => format!("{kind}: {}", known.join(", ")),
     }
 }
 
-/// Levenshtein's distance in bytes.
+/// Least number of bytes put in, left out, replaced or exchanged with their neighbor that make `b` of `a`, where no byte is
+/// touched twice: slips of a typist.
 pub fn distance(a: &str, b: &str) -> usize {
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, x) in a.bytes().enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for (j, y) in b.bytes().enumerate() {
-            let substituted = diagonal + usize::from(x != y);
-            diagonal = row[j + 1];
-            row[j + 1] = substituted.min(diagonal + 1).min(row[j] + 1);
+    let (a, b) = (a.as_bytes(), b.as_bytes());
+    // Row i is of the first i bytes of `a`; a row needs the two before it.
+    let mut rows: [Vec<usize>; 3] = [Vec::new(), Vec::new(), (0..=b.len()).collect()];
+    for i in 1..=a.len() {
+        rows.rotate_left(1);
+        let [before, above, row] = &mut rows;
+        row.clear();
+        row.push(i);
+        for j in 1..=b.len() {
+            let replaced = above[j - 1] + usize::from(a[i - 1] != b[j - 1]);
+            let exchanged = i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1];
+            let least = replaced.min(above[j] + 1).min(row[j - 1] + 1);
+            row.push(if exchanged { least.min(before[j - 2] + 1) } else { least });
         }
     }
-    row[b.len()]
+    rows[2][b.len()]
 }
 
 #[cfg(test)]
@@ -123,5 +129,11 @@ mod tests {
     #[test]
     fn distances_count_changes() {
         assert_eq!((distance("cores", "cores"), distance("cors", "cores"), distance("abc", "")), (0, 1, 3));
+        assert_eq!((distance("", "abc"), distance("kitten", "sitting")), (3, 3));
+    }
+
+    #[test]
+    fn exchanged_letters_are_one_slip() {
+        assert_eq!((distance("coers", "cores"), distance("coers", "core")), (1, 2));
     }
 }

@@ -53,6 +53,19 @@ fn an_unknown_name_lists_the_known_ones() {
         &["tiny", "-a", "sism:form=round"],
         &["`form` of `sism` is `round`; it must be `exact`"],
     );
+    let nothing = "has no option after its colon; it must be";
+    refused(&folder, &["tiny", "-a", "sism:"], &["`sism:`", nothing, "`sism`, or `form=…` after it"]);
+    refused(&folder, &["tiny", "--fidelity", "windowed:"], &["`windowed:`", nothing, "`windowed`"]);
+    for text in ["sism:,,", "sism:form=exact,"] {
+        refused(&folder, &["tiny", "-a", text], &["a comma without an option", "it must be `form=…`"]);
+    }
+    for text in ["sism:form", "sism:form="] {
+        refused(
+            &folder,
+            &["tiny", "-a", text],
+            &["`form` of `sism` has no value; `form=` must be followed by `exact`"],
+        );
+    }
     refused(&folder, &["tiny", "--fidelity", "exact"], &["`exact` is no fidelity"]);
     refused(&folder, &["tiny", "--host-simd", "mmx"], &["mmx"]);
 }
@@ -175,6 +188,7 @@ fn a_cache_without_whole_sets_is_refused() {
 fn a_setting_of_nothing_is_refused() {
     let folder = Folder::new();
     refused(&folder, &["tiny", "--set", "l2.way=4"], &["`l2` has no field `way`", "did you mean `ways`?"]);
+    refused(&folder, &["tiny", "--set", "coers=8"], &["no field `coers`", "did you mean `cores`?"]);
     refused(&folder, &["tiny", "--set", "cores=lots"], &["`--set cores=lots`", "expected u32"]);
     refused(&folder, &["tiny", "--set", "cores"], &["has no `=`"]);
     refused(&folder, &["tiny", "--set", "name="], &["`name` is empty; it must be"]);

@@ -102,7 +102,7 @@ fn studies_are_compared_point_by_point() {
     adds_up(&all["comparison"]);
     assert_eq!(all["comparison"]["inputs"][0]["path"], "machine.l2.capacity_bytes");
     let text = folder.run(&["compare", "a", "b"]).ok().stdout();
-    assert!(text.contains("2 points have results on one side only"), "{text}");
+    assert!(text.contains("2 points with results on one side only"), "{text}");
 }
 
 #[test]
@@ -140,7 +140,11 @@ fn a_published_result_is_verified_and_a_change_is_found() {
     assert!(done.stdout().contains("not the file that the manifest names"), "{}", done.stdout());
     assert!(done.stdout().contains("`machine.cores` was 4 and is 3"), "{}", done.stdout());
 
-    folder.run(&["verify", "nowhere"]).refused(&["cannot read `nowhere`"]);
+    folder.run(&["verify", "nowhere"]).refused(&["cannot read `nowhere`", "lrbsim verify DIR"]);
+    let outside = Folder::new();
+    outside
+        .run(&["verify"])
+        .refused(&["cannot read `reports/published`", "checkout: run `lrbsim verify` there"]);
     folder.run(&["verify", "."]).refused(&["no published results", "lrbsim verify DIR --write"]);
     folder
         .run(&["verify", "p/two", "--write", "--", "scene", "list"])

@@ -94,6 +94,7 @@ fn clicks_sort_zoom_and_switch_the_theme() {
         const twice = column(table, 1), second = head.getAttribute("aria-sort");
         const image = document.querySelector(".picture img");
         await image.decode();
+        const hidden = image.parentNode.scrollHeight - image.parentNode.clientHeight;
         const widths = [...document.querySelectorAll(".zoom button")].map((button) => { button.click(); return image.getBoundingClientRect().width; });
         const root = document.documentElement, theme = () => [root.dataset.theme, getComputedStyle(document.body).backgroundColor];
         const themes = [theme()];
@@ -101,7 +102,7 @@ fn clicks_sort_zoom_and_switch_the_theme() {
         themes.push(theme());
         document.getElementById("theme").click();
         themes.push(theme());
-        return { before, once, twice, first, second, widths, natural: image.naturalWidth, themes, differs: document.querySelectorAll("tr.differs").length };
+        return { before, once, twice, first, second, widths, hidden, natural: image.naturalWidth, themes, differs: document.querySelectorAll("tr.differs").length };
     "#;
     let Some(found) = in_browser(&folder, &html, 1280, script) else { return };
     let numbers = |name: &str| -> Vec<f64> {
@@ -115,6 +116,8 @@ fn clicks_sort_zoom_and_switch_the_theme() {
     assert_eq!((numbers("twice"), &found["second"]), (sorted, &Value::from("ascending")));
 
     let natural = found["natural"].as_f64().expect("a width");
+    assert!(numbers("widths")[0] > 4.0 * natural, "a small picture fills its frame: {:?}", found["widths"]);
+    assert_eq!(found["hidden"], 0, "all of a fitted picture is seen");
     let zoomed: Vec<f64> = numbers("widths")[1..].iter().map(|width| width / natural).collect();
     assert_eq!(zoomed, [1.0, 2.0, 4.0, 8.0]);
 
@@ -147,6 +150,53 @@ fn every_number_is_from_the_json() {
 }
 
 #[test]
+fn picture_truth_and_difference_lie_under_one_slider() {
+    let folder = Folder::new();
+    folder.run(&["run", "tiny", "--fidelity", "functional", "--reference", "16", "-o", "run"]).ok();
+    folder.run(&["report", "run"]).ok();
+    let html = folder.path("run/report.html");
+    let script = r#"
+        const frame = document.querySelector(".wipe"), stack = frame.querySelector(".layers"), slider = document.querySelector(".ends input");
+        const over = stack.querySelector(".over"), under = stack.querySelector(".under");
+        const state = () => [over.alt, under.alt, getComputedStyle(over).clipPath, slider.value];
+        const box = stack.getBoundingClientRect(), places = [over, under].map((image) => { const place = image.getBoundingClientRect(); return [place.left, place.top, place.width, place.height]; });
+        const states = [state()];
+        // Keys and a drag of the slider are the browser's own, and end in this event.
+        slider.value = 20; slider.dispatchEvent(new Event("input")); states.push(state());
+        const point = (type, part, kind) => over.dispatchEvent(new PointerEvent(type, { bubbles: true, isPrimary: true, buttons: 1, pointerType: kind, clientX: box.left + part * box.width, clientY: box.top + 5 }));
+        point("pointerdown", 0.7, "mouse"); states.push(state());
+        point("pointermove", 0.25, "touch"); states.push(state());
+        const tabs = [...document.querySelectorAll("button")].filter((button) => button.textContent.includes(" | "));
+        tabs[2].click(); states.push(state());
+        slider.focus();
+        return { states, places, focus: document.activeElement === slider, kind: slider.type, label: slider.getAttribute("aria-label"), said: slider.getAttribute("aria-valuetext"), touch: getComputedStyle(stack).touchAction,
+            shows: under.src === data.judged.difference.url, scale: document.querySelector(".scale div").style.background.includes("gradient"), measures: [...document.querySelectorAll("td")].filter((cell) => cell.textContent === "rmse").length };
+    "#;
+    let Some(found) = in_browser(&folder, &html, 1280, script) else { return };
+    let states = serde_json::json!([
+        ["ours", "truth", "inset(0px 50% 0px 0px)", "50"],
+        ["ours", "truth", "inset(0px 80% 0px 0px)", "20"],
+        ["ours", "truth", "inset(0px 30% 0px 0px)", "70"],
+        ["ours", "truth", "inset(0px 75% 0px 0px)", "25"],
+        ["truth", "difference", "inset(0px 75% 0px 0px)", "25"],
+    ]);
+    let shown =
+        found["states"].to_string().replace("calc(100% - 50%)", "50%").replace("calc(100% - 20%)", "80%");
+    let shown = shown.replace("calc(100% - 70%)", "30%").replace("calc(100% - 25%)", "75%");
+    assert_eq!(serde_json::from_str::<Value>(&shown).expect("JSON"), states);
+    assert_eq!(found["places"][0], found["places"][1], "one picture lies on the other");
+    assert_eq!(
+        (&found["kind"], &found["focus"]),
+        (&Value::from("range"), &Value::from(true)),
+        "keys move it"
+    );
+    assert_eq!(found["said"], "25 % truth, the rest difference");
+    assert_eq!((&found["touch"], &found["scale"]), (&Value::from("pan-y"), &Value::from(true)));
+    assert_eq!(found["shows"], true, "the difference is the one of the run");
+    assert_eq!(found["measures"], 1);
+}
+
+#[test]
 fn a_page_fits_a_narrow_window() {
     let folder = Folder::new();
     let run = page_of_run(&folder);
@@ -156,10 +206,19 @@ fn a_page_fits_a_narrow_window() {
     );
     folder.run(&["study", "small.json", "-o", "study"]).ok();
     folder.run(&["run", "saloon-orbit", "--frames", "2", "--size", "64x48", "-o", "moving"]).ok();
-    let script = "return { page: document.documentElement.scrollWidth, window: innerWidth, sections: document.querySelectorAll('section').length };";
-    for html in [run, folder.path("study/report.html"), folder.path("moving/report.html")] {
+    folder.run(&["run", "tiny", "--fidelity", "functional", "--reference", "4", "-o", "untimed"]).ok();
+    folder.run(&["report", "untimed"]).ok();
+    let script = "document.querySelectorAll('details').forEach((part) => { part.open = true; }); return { page: document.documentElement.scrollWidth, window: innerWidth, sections: document.querySelectorAll('section').length, \
+        wide: [...document.querySelectorAll('.scroll')].filter((part) => part.scrollWidth > part.clientWidth).map((part) => part.innerText.slice(0, 80)), \
+        trust: document.body.innerText.includes('How far to trust it') };";
+    let untimed = folder.path("untimed/report.html");
+    for html in [&run, &folder.path("study/report.html"), &folder.path("moving/report.html"), &untimed] {
         for width in [500, 1280] {
-            let Some(found) = in_browser(&folder, &html, width, script) else { return };
+            let Some(found) = in_browser(&folder, html, width, script) else { return };
+            assert_eq!(found["trust"], *html != untimed, "how far times can be trusted, where there are any");
+            if width == 1280 {
+                assert_eq!(found["wide"], serde_json::json!([]), "{}", html.display());
+            }
             assert!(found["page"].as_u64() <= found["window"].as_u64(), "{} {found}", html.display());
             assert!(found["sections"].as_u64().expect("a count") > 5, "{found}");
         }

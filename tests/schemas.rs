@@ -53,6 +53,7 @@ impl Schema {
                 "const" => value == wanted,
                 "enum" => list().any(|allowed| allowed == value),
                 "anyOf" => list().any(|part| self.holds(part, value)),
+                "not" => !self.holds(wanted, value),
                 "oneOf" => list().filter(|part| self.holds(part, value)).count() == 1,
                 "minimum" => value.as_f64().is_none_or(|value| value >= number()),
                 "maximum" => value.as_f64().is_none_or(|value| value <= number()),
@@ -196,5 +197,30 @@ fn a_schema_refuses_what_the_program_refuses() {
             wrong[field] = Value::from(vec![Value::Bool(true)]);
             assert!(!schema.errors(&wrong).is_empty(), "{format}: `{field}` of a wrong type");
         }
+    }
+}
+
+#[test]
+fn a_schema_and_the_program_agree_on_algorithms_and_fidelities() {
+    let folder = Folder::new();
+    let schema = schema(&folder, "study");
+    for (field, text, sound) in [
+        ("algorithm", "sism", true),
+        ("algorithm", "sism:form=exact", true),
+        ("algorithm", "sism:form=exact,form=exact", false),
+        ("algorithm", "sism:form=exact,", false),
+        ("algorithm", "sism:form", false),
+        ("algorithm", "sism:", false),
+        ("fidelity", "windowed", true),
+        ("fidelity", "windowed:", false),
+    ] {
+        let mut study = serde_json::json!({"name": "x", "axes": [{"path": "cores", "values": [1]}]});
+        study["base"] = serde_json::json!({"scene": "tiny", field: text});
+        assert_eq!(schema.errors(&study).is_empty(), sound, "the schema on {text}");
+        let parsed = match field {
+            "algorithm" => text.parse::<lrbsim::Algorithm>().is_ok(),
+            _ => text.parse::<lrbsim_machine::Fidelity>().is_ok(),
+        };
+        assert_eq!(parsed, sound, "the program on {text}");
     }
 }

@@ -213,6 +213,36 @@ fn points_of_scenes_and_algorithms_are_varied_too() {
     assert!(soft.image.penumbra_receivers > 0);
 }
 
+#[test]
+fn an_option_of_the_algorithm_is_an_axis_too() {
+    let folder = Folder::new();
+    // In place of what the base says of it, and known as a part of the base.
+    let base = r#"{"scene": "tiny", "algorithm": "sism:form=exact", "fidelity": "functional"}"#;
+    let axes = r#"[{"path": "algorithm.form", "values": ["exact"]}, {"path": "cores", "values": [1]}]"#;
+    let text = format!(r#"{{"name": "form", "base": {base}, "axes": {axes}, "sampling": "one_at_a_time"}}"#);
+    folder.write("form.json", &text);
+    folder.run(&["study", "form.json"]).ok();
+    let study = results(&folder, "out/study-form/study.json");
+    let one = study.at(&["exact".into(), 1.into()]).expect("a point");
+    assert_eq!((study.points.len(), one.provenance.algorithm.as_str()), (2, "sism:form=exact"));
+}
+
+#[test]
+fn an_analysis_of_nothing_says_why() {
+    let folder = Folder::new();
+    let axes = r#"[{"path": "fidelity", "values": ["functional", "windowed"]}]"#;
+    let analyses = r#"["speedup", "power_law", "pareto", "sensitivity"]"#;
+    let text =
+        format!(r#"{{"name": "x", "base": {{"scene": "tiny"}}, "axes": {axes}, "analysis": {analyses}}}"#);
+    folder.write("x.json", &text);
+    let printed = folder.run(&["study", "x.json"]).ok().stdout();
+    assert_eq!(printed.matches("Nothing is shown: the values of fidelity are names").count(), 3, "{printed}");
+    assert!(
+        printed.contains("Nothing is shown: no two points that have total.ms above 0 differ"),
+        "{printed}"
+    );
+}
+
 /// A study of `tiny` with one part of its text replaced; it must be refused with all of `parts`.
 #[track_caller]
 fn refused(from: &str, to: &str, parts: &[&str]) {
@@ -236,6 +266,21 @@ fn bad_studies_are_refused_with_place_and_remedy() {
         "\"scene.light.radios\"",
         &["no field `radios`", "did you mean `radius`?", "small.json:5:14"],
     );
+    refused(
+        "\"cores\"",
+        "\"algorithm.from\"",
+        &[
+            "the algorithm `sism` has no option `from`",
+            "did you mean `form`? options: form",
+            "small.json:5:14",
+        ],
+    );
+    refused(
+        "\"cores\"",
+        "\"fidelity.x\"",
+        &["`fidelity` has no fields", "a path by itself", "small.json:5:14"],
+    );
+    refused("\"cores\"", "\"machine.cores\"", &["`machine` has no fields", "`cores`", "small.json:5:14"]);
     refused("[1, 2, 4, 8]", "[]", &["the axis `cores` has no values", "at least one", "small.json:5:5"]);
     refused("[1, 2, 4, 8]", "[1, \"many\"]", &["`cores` = \"many\"", "expected u32", "small.json:5:37"]);
     refused("\"tiny\"", "3", &["`base.scene`", "expected a string", "small.json:3:21"]);
@@ -251,6 +296,11 @@ fn bad_studies_are_refused_with_place_and_remedy() {
         "\"axes\"",
         "\"metric\": \"totl.ms\", \"axes\"",
         &["`totl.ms` is no number of a report", "did you mean `total.ms`?", "small.json:4:13"],
+    );
+    refused(
+        "\"axes\"",
+        "\"metric\": \"phases.soft.ms_interval\", \"axes\"",
+        &["`phases.soft.ms_interval` is a list of numbers; it must be one number", "small.json:4:13"],
     );
     refused(
         "\"pareto\"",
@@ -370,7 +420,12 @@ fn what_cannot_be_meant_is_refused() {
     let printed = study("x", r#"{"fidelity": "functional"}"#, r#"{"path": "cores", "values": [1]}"#, "table")
         .ok()
         .stdout();
-    assert!(printed.starts_with("Study x: saloon-small on larrabee-24, sism, functional"), "{printed}");
+    let method = "soft irregular shadow mapping (Johnson et al. 2009), form=exact";
+    assert!(
+        printed.starts_with(&format!("Study x: saloon-small on larrabee-24, {method}, functional\n")),
+        "{printed}"
+    );
+    assert!(printed.contains("\n1 point: 1 run,"), "{printed}");
 }
 
 #[test]

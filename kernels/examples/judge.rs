@@ -34,7 +34,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         Ok(())
     };
     let mut arena = Arena::new();
-    let arrays = sism::run(&input, &mut Runner::new(&mut arena, &mut run_step))?;
+    let arrays = sism::run(&input, sism::Overlap::Sum, &mut Runner::new(&mut arena, &mut run_step))?;
     for (phase, tasks, counts, seconds) in &phases {
         let of = |class: Class| counts.class_counts[class as usize];
         println!(

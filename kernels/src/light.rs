@@ -2,6 +2,7 @@
 
 use lrbsim_isa::Vpu;
 
+use crate::expression::each;
 use crate::plane::{Vec3, dot, sub};
 use crate::segment::Vec2;
 
@@ -29,6 +30,7 @@ pub struct View<V: Vpu> {
     t: Vec3<V>,
     /// Height of the light over the receiver.
     height: V::F32,
+    per_radius: V::F32,
     /// `height / radius`.
     scale: V::F32,
     /// The receiver's foot point on the disc's plane, in radii; `None` for a facing disc, whose centre it is.
@@ -54,7 +56,7 @@ impl<V: Vpu> View<V> {
                     [v.vmul(receiver[0], minus), v.vmul(receiver[1], minus), v.vmul(receiver[2], minus)];
                 let (s, t) = basis(v, axis);
                 let scale = v.vmul(height, per_radius);
-                View { receiver, axis, s, t, height, scale, foot: None }
+                View { receiver, axis, s, t, height, per_radius, scale, foot: None }
             }
             Disc::Fixed(normal) => {
                 let zero = v.vset_f32(0.0);
@@ -70,9 +72,23 @@ impl<V: Vpu> View<V> {
                 let along_s = dot(v, receiver, s);
                 let along_t = dot(v, receiver, t);
                 let foot = [v.vmul(along_s, per_radius), v.vmul(along_t, per_radius)];
-                View { receiver, axis, s, t, height, scale, foot: Some(foot) }
+                View { receiver, axis, s, t, height, per_radius, scale, foot: Some(foot) }
             }
         }
+    }
+
+    /// The same, with `s` and `t` turned about the middle of the disc.
+    #[inline(always)]
+    pub fn turned(self, v: &mut V, cos: V::F32, sin: V::F32) -> View<V> {
+        let mut turn = |s: V::F32, t: V::F32| {
+            let of_t = v.vmul(t, sin);
+            let new_s = v.vmadd(s, cos, of_t);
+            let of_s = v.vmul(s, sin);
+            (new_s, v.vmsub(t, cos, of_s))
+        };
+        let pairs = each!(axis in [0, 1, 2] => turn(self.s[axis], self.t[axis]));
+        let foot = self.foot.map(|[s, t]| turn(s, t).into());
+        View { s: pairs.map(|(s, _)| s), t: pairs.map(|(_, t)| t), foot, ..self }
     }
 
     /// Point `vertex` (light-centred) in this frame.
@@ -131,6 +147,29 @@ impl<V: Vpu> View<V> {
         a[2] = v.vmax_or(a[2], moves_a, a[2], low);
         b[2] = v.vmax_or(b[2], moves_b, b[2], low);
         live
+    }
+
+    /// The line in which a plane through each receiver, of this `normal`, cuts the disc's plane: two points of it, in radii, on
+    /// either side of the disc; the lanes of `live` where it cuts the disc.
+    #[inline(always)]
+    pub fn horizon(&self, v: &mut V, live: V::Mask, normal: Vec3<V>) -> (V::Mask, [Vec2<V>; 2]) {
+        // Points of the disc lie on the plane where `slope . place = offset`, in radii.
+        let slope = [dot(v, normal, self.s), dot(v, normal, self.t)];
+        let offset = dot(v, normal, self.receiver);
+        let offset = v.vmul(offset, self.per_radius);
+        let slope2 = v.vmul(slope[1], slope[1]);
+        let slope2 = v.vmadd(slope[0], slope[0], slope2);
+        let offset2 = v.vmul(offset, offset);
+        let live = v.vcmp_lt_masked(live, offset2, slope2);
+        let inverse = v.vrsqrt(slope2);
+        let distance = v.vmul(offset, inverse);
+        let across = [v.vmul(slope[0], inverse), v.vmul(slope[1], inverse)];
+        // Two radii either way from the foot of the perpendicular: both off the disc.
+        let foot = [v.vmul(across[0], distance), v.vmul(across[1], distance)];
+        let two = v.vset_f32(2.0);
+        let from = [v.vmadd(across[1], two, foot[0]), v.vnmadd(across[0], two, foot[1])];
+        let to = [v.vnmadd(across[1], two, foot[0]), v.vmadd(across[0], two, foot[1])];
+        (live, [from, to])
     }
 
     /// Where the line from the receiver through `seen` meets the disc's plane, in radii: the exact normalisation of each

@@ -12,6 +12,12 @@ pub trait Method: Sync {
     /// All phases that the method can have, in order. A program may leave out what a scene does not need.
     fn phases(&self) -> &'static [Phase];
 
+    /// How many lights the light of a frame is to be split into, see [`ShadowInput::parts`]: one, unless the method has an
+    /// option that asks for more.
+    fn lights(&self, _options: &Options) -> u32 {
+        1
+    }
+
     /// The program of one frame: copies `input` into the arena of `runner`, untimed, and hands over its steps.
     ///
     /// # Errors
@@ -29,7 +35,7 @@ pub trait Method: Sync {
 pub struct Shadows {
     /// Visible part of the light in [0, 1], one a receiver, in the order of the input.
     pub visibility: Vec<f32>,
-    /// Number of edges that are silhouettes as seen from the light; `None` where the method looked for none.
+    /// Number of edges that are silhouettes as seen from the light, of each light where it is split; `None` where the method looked for none.
     pub silhouette_edges: Option<u64>,
 }
 

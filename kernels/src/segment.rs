@@ -18,12 +18,9 @@ pub fn segment<V: Vpu>(v: &mut V, live: V::Mask, u0: Vec2<V>, u1: Vec2<V>) -> (V
     let zero = v.vset_f32(0.0);
     let one = v.vset_f32(1.0);
 
-    // Distance d of the line from the centre; the cross product as a two-FMA difference keeps its digits.
+    // Distance d of the line from the centre.
     let e = [v.vsub(u1[0], u0[0]), v.vsub(u1[1], u0[1])];
-    let c_right = v.vmul(u0[1], u1[0]);
-    let c_lost = v.vnmadd(u0[1], u1[0], c_right);
-    let c_left = v.vmsub(u0[0], u1[1], c_right);
-    let c = v.vadd(c_left, c_lost);
+    let c = cross(v, u0, u1);
     let length2 = v.vmul(e[1], e[1]);
     let length2 = v.vmadd(e[0], e[0], length2);
     let per_length = v.vrsqrt(length2);
@@ -63,6 +60,16 @@ pub fn segment<V: Vpu>(v: &mut V, live: V::Mask, u0: Vec2<V>, u1: Vec2<V>) -> (V
     let f = v.vmul(area, turn);
     let f = v.vmax(f, zero);
     (live, v.vblend_f32(live, f, zero))
+}
+
+/// The product `a x b`, as a two-FMA difference: it keeps its digits where the ends of an edge are far from the disc and its
+/// line is near.
+#[inline(always)]
+pub fn cross<V: Vpu>(v: &mut V, a: Vec2<V>, b: Vec2<V>) -> V::F32 {
+    let right = v.vmul(a[1], b[0]);
+    let lost = v.vnmadd(a[1], b[0], right);
+    let left = v.vmsub(a[0], b[1], right);
+    v.vadd(left, lost)
 }
 
 /// How far `u` lies along the direction of `e`.

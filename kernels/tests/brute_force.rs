@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{On, Random, Run, input, shipped};
+use common::{On, Random, Run, add_triangle, input, power_of_ten, random_scene, shipped, sphere};
 use lrbsim_isa::HostSimd;
 use lrbsim_kernels::field;
 use lrbsim_kernels::irregular::faces::FaceParameters;
@@ -33,69 +33,6 @@ fn agree(what: &str, input: &ShadowInput) -> Run {
         );
     }
     run
-}
-
-/// A cube of half size `half` about `center`.
-fn add_box(mesh: &mut Mesh, center: DVec3, half: DVec3) {
-    let first = mesh.positions.len() as u32;
-    for i in 0..8 {
-        let sign = |bit: u32| if i >> bit & 1 == 1 { 1.0 } else { -1.0 };
-        mesh.positions.push(center + half * DVec3::new(sign(0), sign(1), sign(2)));
-    }
-    for quad in [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]] {
-        let [a, b, c, d] = quad.map(|i: u32| first + i);
-        mesh.triangles.extend([[a, b, c], [a, c, d]]);
-    }
-}
-
-fn add_triangle(mesh: &mut Mesh, corners: [DVec3; 3]) {
-    let first = mesh.positions.len() as u32;
-    mesh.positions.extend(corners);
-    mesh.triangles.push([first, first + 1, first + 2]);
-}
-
-/// Triangles and boxes of all sizes about the light, receivers in all directions, some on the triangles.
-fn random_scene(seed: u64, receivers: usize) -> (Mesh, Vec<(DVec3, u32)>) {
-    let mut random = Random(seed);
-    let mut mesh = Mesh::default();
-    for _ in 0..8 + (random.unit() * 24.0) as u32 {
-        let center = random.vector();
-        let size = power_of_ten(random.within(-2.5, 0.3));
-        match (random.unit() * 4.0) as u32 {
-            0 => add_box(&mut mesh, center, size * DVec3::new(random.unit(), random.unit(), random.unit())),
-            // Through the light's plane, whichever way the faces lie.
-            1 => add_triangle(
-                &mut mesh,
-                [center, -center * random.unit() + random.vector() * 0.1, random.vector()],
-            ),
-            _ => add_triangle(&mut mesh, [(); 3].map(|()| center + random.vector() * size)),
-        }
-    }
-    let points = (0..receivers)
-        .map(|_| {
-            let on = (random.unit() * mesh.triangles.len() as f64) as u32;
-            if random.unit() < 0.5 {
-                let [a, b, c] = mesh.triangles[on as usize].map(|v| mesh.positions[v as usize]);
-                let (mut s, mut t) = (random.unit(), random.unit());
-                if s + t > 1.0 {
-                    (s, t) = (1.0 - s, 1.0 - t);
-                }
-                (a + (b - a) * s + (c - a) * t, on)
-            } else {
-                (random.vector() * random.within(0.2, 2.0), u32::MAX)
-            }
-        })
-        .filter(|(p, _)| p.length() > 1e-3)
-        .collect();
-    (mesh, points)
-}
-
-fn power_of_ten(exponent: f64) -> f64 {
-    10.0_f64.powf(exponent)
-}
-
-fn sphere(radius: f64) -> Light {
-    Light::Sphere { center: DVec3::ZERO, radius }
 }
 
 #[test]

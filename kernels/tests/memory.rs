@@ -77,7 +77,8 @@ fn frame(input: &ShadowInput, word: u32) -> (Vec<(&'static str, u64)>, Vec<u32>)
         steps.push((step.name(), hasher.finish()));
         Ok(())
     };
-    let arrays = sism::run(input, &mut Runner::new(&mut arena, &mut run)).expect("nothing stops it");
+    let arrays = sism::run(input, sism::Overlap::Sum, &mut Runner::new(&mut arena, &mut run))
+        .expect("nothing stops it");
     let picture = arrays.visibility(input, &arena).into_iter().map(f32::to_bits).collect();
     (steps, picture)
 }

@@ -5,7 +5,8 @@ mod common;
 use std::collections::BTreeMap;
 
 use common::{
-    Lanewise, On, Run, back_ends, cases, evaluate, input, input_of_prepared, numbers, oracles, polygons, vec3,
+    Lanewise, On, Run, back_ends, cases, evaluate, input, input_of_prepared, numbers, of_loops, oracles,
+    polygons, vec3,
 };
 use lrbsim_isa::{HostSimd, Vpu, math};
 use lrbsim_kernels::field;
@@ -65,19 +66,6 @@ fn segments_agree() {
             check(case, "V", f64::from(if d > 0.0 { -f } else { f }), tolerance(case));
         }
     }
-}
-
-/// A frame in which the one receiver sees loops `loops`, given in radii of the light, on the light's disc.
-///
-/// Occluder in the plane z = 1, receiver at z = 2, radius 1. Fans of concave loops overlap themselves: counted as shells,
-/// the faces that look at the light give F, those that look away B, and the winding number is the difference.
-fn of_loops(loops: &[Vec<DVec2>], nudge: DVec2) -> ShadowInput {
-    let corners: Vec<Vec<DVec3>> =
-        loops.iter().map(|points| points.iter().map(|u| (*u * 0.5).extend(1.0)).collect()).collect();
-    let light = Light::Sphere { center: DVec3::ZERO, radius: 1.0 };
-    let mut input = input_of_prepared(polygons(&corners), light, &[(nudge.extend(2.0), u32::MAX)]);
-    input.counting.fill(Counting::Shell);
-    input
 }
 
 /// Umbra and penumbra of [`of_loops`], the same on every back end.

@@ -8,8 +8,8 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::Value;
 
-use crate::run::{PhaseReport, RunReport};
-use crate::sheet::{Cell, Sheet, show_value};
+use crate::run::{ImageError, PhaseReport, RunReport};
+use crate::sheet::{Cell, Sheet, show_value, signed};
 
 /// Causes that are named beside a phase, at most.
 const CAUSES_MAX: usize = 3;
@@ -27,6 +27,21 @@ pub struct Comparison {
     pub inputs: Vec<Difference>,
     /// What differs between the pictures.
     pub picture: PictureChange,
+    /// How errors of the pictures changed; empty unless both runs were judged by a reference.
+    pub errors: Vec<ErrorChange>,
+}
+
+/// One measure of two pictures' errors.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct ErrorChange {
+    /// Name of the measure, as below `image.error` in a report.
+    pub name: String,
+    /// Error of the picture of run A, as a part of the light.
+    pub a: f64,
+    /// Error of the picture of run B, as a part of the light.
+    pub b: f64,
+    /// Error in run B less that in run A, as a part of the light.
+    pub change: f64,
 }
 
 /// Two times and their difference, in picoseconds of simulated time.
@@ -125,8 +140,8 @@ pub fn compare(a: &RunReport, b: &RunReport, picture: PictureChange) -> Comparis
             causes_ps: causes.collect(),
         });
     }
-    let mut comparison =
-        Comparison { total: None, phases, causes_ps: BTreeMap::new(), inputs: inputs(a, b), picture };
+    let (causes_ps, errors) = (BTreeMap::new(), errors(a, b));
+    let mut comparison = Comparison { total: None, phases, causes_ps, inputs: inputs(a, b), picture, errors };
     comparison.add_up(timed);
     comparison
 }
@@ -147,7 +162,15 @@ pub fn sum(parts: &[Comparison]) -> Comparison {
     }
     let same = parts.iter().all(|part| part.picture == PictureChange::Same);
     let picture = if same { PictureChange::Same } else { PictureChange::Differs };
-    let mut all = Comparison { total: None, phases, causes_ps: BTreeMap::new(), inputs: Vec::new(), picture };
+    let mut all = Comparison {
+        total: None,
+        phases,
+        causes_ps: BTreeMap::new(),
+        inputs: Vec::new(),
+        picture,
+        // Of another picture at each point: they do not add up.
+        errors: Vec::new(),
+    };
     all.add_up(parts.iter().any(|part| part.total.is_some()));
     all
 }
@@ -203,6 +226,29 @@ fn shared_out(whole: i64, weights: &[u64]) -> Vec<i64> {
     parts
 }
 
+/// A measure by its name.
+type Measure = (&'static str, fn(&ImageError) -> f64);
+
+/// The measures of both pictures' errors; none unless both have them.
+fn errors(a: &RunReport, b: &RunReport) -> Vec<ErrorChange> {
+    let (Some(a), Some(b)) = (&a.image.error, &b.image.error) else { return Vec::new() };
+    let measures: [Measure; 8] = [
+        ("mean", |error| error.mean),
+        ("rmse", |error| error.rmse),
+        ("p99", |error| error.p99),
+        ("max", |error| error.max),
+        ("bias", |error| error.bias),
+        ("off_by_quarter", |error| error.off_by_quarter),
+        ("reference_mean", |error| error.reference_mean),
+        ("reference_rmse", |error| error.reference_rmse),
+    ];
+    let change = |(name, of): &Measure| {
+        let (a, b) = (of(a), of(b));
+        ErrorChange { name: (*name).to_owned(), a, b, change: b - a }
+    };
+    measures.iter().map(change).collect()
+}
+
 /// What differs between the inputs of two runs.
 pub fn inputs(a: &RunReport, b: &RunReport) -> Vec<Difference> {
     let tree = |report: &RunReport| {
@@ -216,6 +262,7 @@ pub fn inputs(a: &RunReport, b: &RunReport) -> Vec<Difference> {
             "algorithm": report.provenance.algorithm,
             "fidelity": report.provenance.fidelity,
             "warm_frames": report.provenance.warm_frames,
+            "reference": report.image.error.map(|error| error.samples),
             "program": {"lrbsim_version": report.provenance.lrbsim_version, "semantics": report.provenance.semantics},
         })
     };
@@ -267,8 +314,8 @@ pub fn picture_change(a: &[u8], b: &[u8]) -> Option<PictureChange> {
 
 const PS_IN_MS: f64 = 1e9;
 
-fn signed(ps: i64) -> String {
-    format!("{:+.3}", ps as f64 / PS_IN_MS)
+fn signed_ms(ps: i64) -> String {
+    signed(ps as f64 / PS_IN_MS, 3)
 }
 
 /// The comparison as terminal text.
@@ -292,6 +339,9 @@ pub fn render(comparison: &Comparison) -> String {
             part * 100.0
         ),
     };
+    if !comparison.errors.is_empty() {
+        let _ = write!(text, "\n{}", error_sheet(&comparison.errors).terminal());
+    }
     if comparison.inputs.is_empty() {
         return text;
     }
@@ -326,14 +376,14 @@ fn phase_sheet(comparison: &Comparison, total: &Change) -> Sheet {
         let causes: Vec<String> = greatest
             .iter()
             .take(CAUSES_MAX)
-            .map(|(cause, ps)| format!("{} {}", cause_label(cause), signed(*ps)))
+            .map(|(cause, ps)| format!("{} {}", cause_label(cause), signed_ms(*ps)))
             .collect();
-        let percent = time.percent().map_or_else(|| "-".to_owned(), |percent| format!("{percent:+.1}"));
+        let percent = time.percent().map_or_else(|| "-".to_owned(), |percent| signed(percent, 1));
         vec![
             Cell::Text(title.to_owned()),
             Cell::Text(format!("{:9.3}", time.a_ps as f64 / PS_IN_MS)),
             Cell::Text(format!("{:9.3}", time.b_ps as f64 / PS_IN_MS)),
-            Cell::Text(format!("{:>10}", signed(time.change_ps))),
+            Cell::Text(format!("{:>10}", signed_ms(time.change_ps))),
             Cell::Text(format!("{percent:>9}")),
             Cell::Text(causes.join(", ")),
         ]
@@ -346,7 +396,7 @@ fn phase_sheet(comparison: &Comparison, total: &Change) -> Sheet {
 
 fn cause_sheet(comparison: &Comparison, total: &Change) -> Sheet {
     let columns = ["what cores did", "change, ms"].map(str::to_owned).to_vec();
-    let row = |name: String, ps: i64| vec![Cell::Text(name), Cell::Text(format!("{:>10}", signed(ps)))];
+    let row = |name: String, ps: i64| vec![Cell::Text(name), Cell::Text(format!("{:>10}", signed_ms(ps)))];
     // In the order of stacks.
     let mut rows: Vec<_> = Cause::ALL
         .iter()
@@ -356,6 +406,20 @@ fn cause_sheet(comparison: &Comparison, total: &Change) -> Sheet {
         .collect();
     rows.push(row("total".to_owned(), total.change_ps));
     Sheet { columns, rows }
+}
+
+/// Errors in parts of the light, with what changed.
+fn error_sheet(errors: &[ErrorChange]) -> Sheet {
+    let columns = ["error of the picture", "A", "B", "change"].map(str::to_owned).to_vec();
+    let rows = errors.iter().map(|error| {
+        vec![
+            Cell::Text(error.name.replace('_', " ")),
+            Cell::Text(format!("{:+.5}", error.a)),
+            Cell::Text(format!("{:+.5}", error.b)),
+            Cell::Text(format!("{:+.5}", error.change)),
+        ]
+    });
+    Sheet { columns, rows: rows.collect() }
 }
 
 /// A cause as people read it.
@@ -416,6 +480,19 @@ mod tests {
         let comparison = compare(&sample::timed(), &without, PictureChange::Same);
         assert_eq!(comparison.phases[2].time.change_ps, -6_000_000_000);
         assert_eq!(comparison.total.expect("timed").change_ps, -6_000_000_000);
+    }
+
+    #[test]
+    fn errors_are_compared_where_both_have_them() {
+        let (a, mut b) = (sample::judged(), sample::judged());
+        b.image.error.as_mut().expect("judged").mean = 0.0023;
+        let comparison = compare(&a, &b, PictureChange::Differs);
+        let mean = &comparison.errors[0];
+        assert_eq!((mean.name.as_str(), mean.a, mean.b), ("mean", 0.0123, 0.0023));
+        assert!((mean.change + 0.01).abs() < 1e-15);
+        assert!(render(&comparison).contains("error of the picture"), "{}", render(&comparison));
+        let one = compare(&sample::timed(), &b, PictureChange::Differs);
+        assert!(one.errors.is_empty() && one.inputs[0].path == "reference", "{:?}", one.inputs);
     }
 
     #[test]

@@ -17,7 +17,7 @@ pub struct Entry {
 }
 
 /// Units by the last name of a path; the first that fits. `*` stands for anything.
-const UNITS: [(&str, &str); 35] = [
+const UNITS: [(&str, &str); 39] = [
     ("*_percent", "%"),
     ("*_overhead", "1"),
     ("*cycle_stack.*", "core-cycles"),
@@ -30,6 +30,7 @@ const UNITS: [(&str, &str); 35] = [
     ("*_ns", "ns"),
     ("*.ms", "ms"),
     ("*_ms", "ms"),
+    ("*ms_interval[]", "ms"),
     ("*fps", "frames/s"),
     ("*share", "1"),
     ("*ipc", "instructions/(cycle core)"),
@@ -43,6 +44,9 @@ const UNITS: [(&str, &str); 35] = [
     ("*mean_visibility", "1"),
     ("*penumbra_receivers", "receivers"),
     ("*receivers", "receivers"),
+    ("image.error.receivers_in_question", "receivers"),
+    ("image.error.samples", "rays"),
+    ("*image.error.*", "1"),
     ("*width", "pixels"),
     ("*height", "pixels"),
     ("*triangles", "triangles"),
@@ -69,11 +73,22 @@ pub fn entries() -> Vec<Entry> {
 /// The paths under which a report with phases of these `ids` may have a number, as [`crate::metric::Numbers`] finds
 /// them; a last name of `*` stands for any.
 pub fn paths(ids: &[&str]) -> Vec<String> {
-    let with_ids = |entry: Entry| match entry.path.strip_prefix("phases[].") {
+    let all = entries().into_iter().flat_map(|entry| of_phases(entry, ids));
+    all.filter(|path| !path.contains("[]")).collect()
+}
+
+/// Whether a report with phases of these `ids` has at `path` a list of numbers, and so not one that could be asked for.
+pub fn is_list(path: &str, ids: &[&str]) -> bool {
+    let list = format!("{path}[]");
+    entries().into_iter().flat_map(|entry| of_phases(entry, ids)).any(|path| path == list)
+}
+
+/// The path of `entry` in a report with phases of these `ids`: of a number of phases, one for each.
+fn of_phases(entry: Entry, ids: &[&str]) -> Vec<String> {
+    match entry.path.strip_prefix("phases[].") {
         Some(rest) => ids.iter().map(|id| format!("phases.{id}.{rest}")).collect(),
         None => vec![entry.path],
-    };
-    entries().into_iter().flat_map(with_ids).filter(|path| !path.contains("[]")).collect()
+    }
 }
 
 /// Collects the numbers below `schema`; `said` is what the field that holds it says.
@@ -147,7 +162,12 @@ mod tests {
     fn counters_have_units_and_sentences() {
         assert_eq!(entry("phases[].cycle_stack.memory").unit, "core-cycles");
         assert_eq!(entry("phases[].ms").unit, "ms");
+        assert_eq!(entry("image.error.samples").unit, "rays");
+        assert_eq!(entry("image.error.mean").unit, "1");
+        assert_eq!(entry("image.error.shadowed_receivers").unit, "receivers");
         assert_eq!(entry("total.paper_ms").unit, "ms");
+        assert_eq!(entry("phases[].ms_interval[]").unit, "ms");
+        assert_eq!(entry("total.ms_interval[]").unit, "ms");
         assert_eq!(entry("machine.prefetcher.streams").unit, "count");
         assert_eq!(entry("phases[].l1d.hits").unit, "count");
         assert_eq!(entry("phases[].ring.bytes").unit, "bytes");
@@ -156,6 +176,13 @@ mod tests {
         for entry in entries() {
             assert!(entry.meaning.ends_with(['.', ':']) || entry.meaning.contains(". "), "{entry:?}");
         }
+    }
+
+    #[test]
+    fn lists_are_told_from_numbers() {
+        let lists = ["phases.soft.ms_interval", "total.ms_interval", "phases.soft.core_busy_cycles"];
+        assert!(lists.iter().all(|path| is_list(path, &["soft"])));
+        assert!(!is_list("phases.soft.ms", &["soft"]) && !is_list("phases.hard.ms_interval", &["soft"]));
     }
 
     #[test]
@@ -181,7 +208,7 @@ mod tests {
                 _ => {}
             }
         }
-        let mut report = serde_json::to_value(crate::sample::timed()).expect("string keys");
+        let mut report = serde_json::to_value(crate::sample::judged()).expect("string keys");
         // The light is as scenes have it, see their schema.
         report["scene"]["light"] = Value::Null;
         numbers("", &report, &entries());

@@ -3,6 +3,7 @@
 use crate::metric::Numbers;
 use crate::run::Warning;
 use crate::study::{StudyPoint, StudyReport};
+use crate::table::counted;
 
 /// Points whose whole reports a page holds: a browser shows some megabytes, not hundreds.
 const REPORTS_MAX: usize = 256;
@@ -99,9 +100,9 @@ impl Digest {
 
     /// What makes points suspicious: a line for each kind of warning, with the number of points that carry it.
     pub fn warnings(&self) -> Vec<String> {
-        let all = self.study.points.len();
+        let all = counted(self.study.points.len() as u64, "point");
         let line = |(warning, points): &(Warning, usize)| {
-            format!("warning at {points} of {all} points: {}", warning.message)
+            format!("warning at {points} of {all}: {}", warning.message)
         };
         self.warnings.iter().map(line).collect()
     }

@@ -9,8 +9,15 @@ use serde::{Deserialize, Serialize};
 pub struct HostReport {
     /// Name of the host that ran, or of the node of a cluster.
     pub node: String,
-    /// Seconds from the loaded scene to the last simulated cycle, eye view included.
+    /// Seconds from the loaded scene to the last simulated cycle, eye view included, reference not.
     pub seconds: f64,
+    /// Seconds that casting the reference's shadow rays took, or once took where they were found in the cache; null where
+    /// none was asked for.
+    #[serde(default)]
+    pub reference_seconds: Option<f64>,
+    /// Whether the reference was found in the cache; null where none was asked for.
+    #[serde(default)]
+    pub reference_found: Option<bool>,
     /// Simulated instructions per second of the simulation alone.
     pub simulated_instructions_per_second: f64,
     /// Greatest resident memory of the process; null where the host does not tell.

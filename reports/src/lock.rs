@@ -79,6 +79,13 @@ impl Lock {
     }
 }
 
+/// Whether the file system refuses every lock.
+pub fn is_without_locks(error: &io::Error) -> bool {
+    /// What Linux says where a network file system has no server of locks.
+    const ENOLCK: i32 = 37;
+    error.kind() == io::ErrorKind::Unsupported || error.raw_os_error() == Some(ENOLCK)
+}
+
 #[cfg(unix)]
 fn same_file(file: &File, path: &Path) -> bool {
     use std::os::unix::fs::MetadataExt as _;

@@ -43,6 +43,8 @@ pub fn title(path: &str) -> String {
     match (name, last) {
         ("total", "ms") => "total, ms".to_owned(),
         ("total", "paper_ms") => "paper's total, ms".to_owned(),
+        ("image.error", "mean") => "mean error".to_owned(),
+        ("image.error", "rmse" | "bias") => last.to_owned(),
         ("total", "fps" | "paper_fps") => format!("{last}, frames/s"),
         (_, "ms") => format!("{name}, ms"),
         _ => path.trim_start_matches("phases.").to_owned(),
@@ -73,6 +75,7 @@ mod tests {
     fn titles_have_units() {
         assert_eq!(title("phases.soft.ms"), "soft, ms");
         assert_eq!(title("total.ms"), "total, ms");
+        assert_eq!(title("image.error.mean"), "mean error");
         assert_eq!(title("scene.triangles"), "scene.triangles");
     }
 }

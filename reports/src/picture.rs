@@ -125,6 +125,59 @@ pub fn visibility_png(width: u32, height: u32, visibility: &[f32]) -> Vec<u8> {
     png(width, height, &gray, image::ExtendedColorType::L8)
 }
 
+/// Errors from which on [`error_png`] shows the last color of its scale.
+pub const ERROR_SCALE_END: f32 = 0.25;
+
+/// Colors of an error that grows from 0 to [`ERROR_SCALE_END`] in equal steps, for a picture that is too dark and for one that
+/// is too light. Equal steps in the lightness of Oklab: as the eye takes them.
+pub const ERROR_COLORS: [[[u8; 3]; 9]; 2] = [
+    [
+        [18, 18, 18],
+        [24, 37, 50],
+        [27, 57, 86],
+        [28, 77, 124],
+        [25, 99, 164],
+        [52, 122, 189],
+        [76, 146, 214],
+        [100, 170, 241],
+        [125, 195, 255],
+    ],
+    [
+        [18, 18, 18],
+        [47, 31, 21],
+        [79, 45, 20],
+        [113, 59, 13],
+        [148, 73, 0],
+        [173, 96, 32],
+        [199, 119, 59],
+        [225, 143, 84],
+        [252, 167, 108],
+    ],
+];
+
+/// Where a picture of visibility is too dark (blue) or too light (orange), and by how much: from nearly black, where it is
+/// right, to the brightest colors at an error of 0.25 or more. Gray where nothing was hit.
+///
+/// # Panics
+/// When a slice has not `width * height` values.
+pub fn error_png(width: u32, height: u32, visibility: &[f32], truth: &[f32]) -> Vec<u8> {
+    assert_eq!((visibility.len(), truth.len()), (pixels(width, height), pixels(width, height)));
+    let color = |(test, truth): (&f32, &f32)| if test.is_nan() { [90; 3] } else { error_color(test - truth) };
+    let rgb: Vec<u8> = visibility.iter().zip(truth).flat_map(color).collect();
+    rgb_png(width, height, &rgb)
+}
+
+fn error_color(error: f32) -> [u8; 3] {
+    let colors = &ERROR_COLORS[usize::from(error > 0.0)];
+    let last = colors.len() - 1;
+    let place = (error.abs() / ERROR_SCALE_END).min(1.0) * last as f32;
+    // A float-to-integer cast rounds down.
+    let step = (place as usize).min(last - 1);
+    let between = place - step as f32;
+    let mix = |low: u8, high: u8| (f32::from(low) * (1.0 - between) + f32::from(high) * between + 0.5) as u8;
+    std::array::from_fn(|c| mix(colors[step][c], colors[step + 1][c]))
+}
+
 /// Red, green and blue, 8 bits each, as a PNG.
 ///
 /// # Panics
@@ -174,6 +227,18 @@ mod tests {
         assert!(gray[0] < gray[1] && gray[1] < gray[2], "{gray:?}");
         assert!(gray[0] > 0, "an umbra still shows shapes");
         assert_ne!(picture.get_pixel(3, 0)[0], picture.get_pixel(3, 0)[2], "the background is not gray");
+    }
+
+    #[test]
+    fn a_picture_of_errors_tells_their_sign_and_their_size() {
+        let bytes =
+            error_png(6, 1, &[0.5, 0.5, 0.4, 0.7, 1.0, f32::NAN], &[0.5, 0.6, 0.6, 0.5, 0.0, f32::NAN]);
+        let picture = image::load_from_memory(&bytes).expect("a PNG").to_rgb8();
+        let pixel = |x| picture.get_pixel(x, 0).0;
+        assert_eq!((pixel(0), pixel(4), pixel(5)), ([18; 3], [252, 167, 108], [90; 3]));
+        let sum = |x: u32| pixel(x).iter().map(|c| u32::from(*c)).sum::<u32>();
+        assert!(sum(0) < sum(1) && sum(1) < sum(2) && pixel(2)[2] > pixel(2)[0], "too dark is blue");
+        assert!(pixel(3)[0] > pixel(3)[2], "too light is orange");
     }
 
     #[test]

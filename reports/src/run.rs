@@ -247,6 +247,43 @@ pub struct ImageSummary {
     pub mean_visibility: Option<f64>,
     /// Receivers that see a part of the light: visibility strictly between 0 and 1.
     pub penumbra_receivers: u64,
+    /// How far the picture is from the truth; null unless a reference was asked for.
+    #[serde(default)]
+    pub error: Option<ImageError>,
+}
+
+/// How far the visibility of a picture is from a reference by shadow rays, all in parts of the light.
+///
+/// A receiver is *shadowed* if the reference has it in shadow or penumbra, and *in question* if the reference or the picture
+/// has: the others are lit in both, and of these a picture may have any number.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ImageError {
+    /// Shadow rays of a receiver that were asked for; a light without extent takes one.
+    pub samples: u32,
+    /// Receivers that the reference has in shadow or penumbra: visibility below 1.
+    pub shadowed_receivers: u64,
+    /// Receivers that the reference or the picture has in shadow or penumbra.
+    pub receivers_in_question: u64,
+    /// Error measure of Atty et al. 2006, §5.2.1: the sum of |picture - reference| over all receivers, divided by the number
+    /// of shadowed ones; 0 without shadow.
+    pub mean: f64,
+    /// Root of the mean of (picture - reference)² over the receivers in question.
+    pub rmse: f64,
+    /// Greatest |picture - reference| of any receiver.
+    pub max: f64,
+    /// 99 % of the receivers in question have no greater |picture - reference|.
+    pub p99: f64,
+    /// Part of the receivers in question whose |picture - reference| is above 0.25.
+    pub off_by_quarter: f64,
+    /// Sum of picture - reference over all receivers, divided by the number of shadowed ones: above 0, the picture is too
+    /// light. Its size is that of `mean` where all errors have one sign.
+    pub bias: f64,
+    /// The reference's own error in the measure of `mean`, estimated: half of what two halves of its rays, which do not
+    /// depend on one another, differ by.
+    pub reference_mean: f64,
+    /// The reference's own error in the measure of `rmse`, estimated from the same two halves.
+    pub reference_rmse: f64,
 }
 
 impl RunReport {
@@ -308,6 +345,7 @@ impl ImageSummary {
             sha256: crate::picture::sha256_of_visibility(visibility),
             mean_visibility: (receivers > 0).then(|| sum / receivers as f64),
             penumbra_receivers,
+            error: None,
         }
     }
 }

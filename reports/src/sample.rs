@@ -6,8 +6,8 @@ use lrbsim_machine::counters::{CacheCounters, CycleStack};
 use lrbsim_machine::{MachineConfig, builtin_machine};
 
 use crate::run::{
-    ImageSummary, Instructions, Lanes, PhaseReport, Provenance, RunReport, SCHEMA_VERSION, SceneSummary,
-    StepRow, Total, milliseconds,
+    ImageError, ImageSummary, Instructions, Lanes, PhaseReport, Provenance, RunReport, SCHEMA_VERSION,
+    SceneSummary, StepRow, Total, milliseconds,
 };
 use crate::validation::ModelError;
 
@@ -117,6 +117,25 @@ pub(crate) fn timed() -> RunReport {
         },
         warnings: Vec::new(),
     }
+}
+
+/// The same run, judged by a reference.
+pub(crate) fn judged() -> RunReport {
+    let mut report = timed();
+    report.image.error = Some(ImageError {
+        samples: 256,
+        shadowed_receivers: 2,
+        receivers_in_question: 3,
+        mean: 0.0123,
+        rmse: 0.0345,
+        max: 0.512,
+        p99: 0.21,
+        off_by_quarter: 0.0012,
+        bias: -0.0034,
+        reference_mean: 0.0032,
+        reference_rmse: 0.005,
+    });
+    report
 }
 
 /// The same run without a machine.

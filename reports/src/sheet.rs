@@ -65,10 +65,17 @@ pub fn show_value(value: &Value) -> String {
     }
 }
 
+/// A change with its sign; one that is rounded to nothing has none.
+pub fn signed(change: f64, decimals: usize) -> String {
+    let text = format!("{change:+.decimals$}");
+    if text.trim_start_matches(['+', '-', '0', '.']).is_empty() { text[1..].to_owned() } else { text }
+}
+
 /// A number with four digits, or all of its digits when it is whole.
 pub fn short(number: f64) -> String {
     if number == number.trunc() && number.abs() < 1e15 {
-        return format!("{number}");
+        // There is no minus before 0.
+        return format!("{}", number + 0.0);
     }
     let magnitude = number.abs();
     if !(1e-4..1e7).contains(&magnitude) {
@@ -177,7 +184,14 @@ mod tests {
     #[test]
     fn numbers_have_four_digits() {
         let shown: Vec<String> =
-            [0.0, 24.0, 262_144.0, 13.24567, 0.012345, 1234.56, 1.0e-9, 99.999].map(short).to_vec();
-        assert_eq!(shown, ["0", "24", "262144", "13.25", "0.01235", "1235", "1.000e-9", "100.0"]);
+            [0.0, -0.0, 24.0, 262_144.0, 13.24567, 0.012345, 1234.56, 1.0e-9, 99.999].map(short).to_vec();
+        assert_eq!(shown, ["0", "0", "24", "262144", "13.25", "0.01235", "1235", "1.000e-9", "100.0"]);
+    }
+
+    #[test]
+    fn changes_have_signs_where_they_are_not_rounded_to_nothing() {
+        let shown: Vec<String> =
+            [0.04, -0.04, -0.05, 12.0, -0.0, f64::INFINITY].map(|n| signed(n, 1)).to_vec();
+        assert_eq!(shown, ["0.0", "0.0", "-0.1", "+12.0", "0.0", "+inf"]);
     }
 }

@@ -61,6 +61,9 @@ pub struct Base {
     pub fidelity: String,
     /// Frames to run before the measured one.
     pub warm_frames: u32,
+    /// Shadow rays a receiver that each picture is judged by, as `--reference` takes them; none if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reference: Option<u32>,
     /// Further changes of the base run: paths as in axes.
     pub set: BTreeMap<String, Value>,
 }
@@ -73,6 +76,7 @@ impl Default for Base {
             algorithm: "sism".to_owned(),
             fidelity: "windowed".to_owned(),
             warm_frames: 0,
+            reference: None,
             set: BTreeMap::new(),
         }
     }
@@ -83,7 +87,8 @@ impl Default for Base {
 #[serde(deny_unknown_fields)]
 pub struct StudyAxis {
     /// A field of the machine (`cores`, `l2.capacity_bytes`), or one of `scene`, `machine`, `algorithm`, `fidelity`,
-    /// `warm_frames`, `time`, or a field of the scene (`scene.light.radius`).
+    /// `warm_frames`, `time`, `reference`, or a field of the scene (`scene.light.radius`), or an option of the algorithm
+    /// (`algorithm.form`), in place of what `algorithm` says of it.
     pub path: String,
     /// Values of the axis, in their order.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use lrbsim_machine::Cause;
 
-use crate::run::{PhaseReport, RunReport, hit_rate};
+use crate::run::{ImageError, PhaseReport, RunReport, hit_rate};
 
 /// Columns of text at most, so that a table fits a common terminal.
 pub const WIDTH_MAX: usize = 120;
@@ -34,10 +34,28 @@ pub fn render(report: &RunReport) -> String {
     if !timed {
         text.push_str("\nfunctional: nothing is timed\n");
     }
+    if let Some(error) = &report.image.error {
+        let _ = write!(text, "\n{}\n", error_line(error));
+    }
     for warning in &report.warnings {
         let _ = write!(text, "\nwarning: {}\n", warning.message);
     }
     text
+}
+
+/// How far the picture is from its reference.
+fn error_line(error: &ImageError) -> String {
+    format!(
+        "error by {} (their own {:.4}): mean {:.4}, rmse {:.4}, p99 {:.3}, max {:.3}, bias {:+.4}, {:.2}% > 0.25",
+        counted(error.samples.into(), "ray"),
+        error.reference_mean,
+        error.mean,
+        error.rmse,
+        error.p99,
+        error.max,
+        error.bias,
+        error.off_by_quarter * 100.0
+    )
 }
 
 /// Which scene, machine, algorithm and fidelity.
@@ -261,8 +279,15 @@ mod tests {
     }
 
     #[test]
+    fn a_picture_that_was_judged_has_a_line_of_its_error() {
+        let line = "error by 256 rays (their own 0.0032): mean 0.0123, rmse 0.0345, p99 0.210, max 0.512, bias -0.0034, 0.12% > 0.25";
+        assert_eq!(render(&sample::judged()), format!("{}\n{line}\n", render(&sample::timed())));
+    }
+
+    #[test]
     fn no_line_is_wider_than_a_terminal() {
-        let mut report = sample::timed();
+        let mut report = sample::judged();
+        report.image.error.as_mut().expect("judged").samples = 65_536;
         for phase in &mut report.phases {
             phase.ms = Some(123_456.789);
             phase.instructions.total = 99_999_990_000;

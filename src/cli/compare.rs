@@ -7,7 +7,8 @@ use clap::Args;
 use lrbsim::BadInput;
 use lrbsim::written::{Changes, Results, Written};
 use lrbsim_reports::compare::render;
-use lrbsim_reports::sheet::{Cell, Sheet};
+use lrbsim_reports::sheet::{Cell, Sheet, signed};
+use lrbsim_reports::table::counted;
 
 use super::Failure;
 
@@ -57,14 +58,18 @@ pub(crate) fn run(args: &CompareArgs, out: &mut impl Write) -> Result<bool, Fail
         let axes: Vec<String> = study.study.axes.iter().map(|axis| axis.path.clone()).collect();
         writeln!(out, "{}", points_sheet(&axes, &changes).terminal())?;
         if changes.unmatched > 0 {
-            writeln!(out, "{} points have results on one side only.\n", changes.unmatched)?;
+            writeln!(out, "{} with results on one side only.\n", counted(changes.unmatched as u64, "point"))?;
         }
         writeln!(out, "The sum over these points:\n")?;
     }
     write!(out, "{}", render(&changes.whole))?;
     if let Some((most, slowdown)) = args.fail_above.zip(slowdown) {
         let word = if passed { "passed" } else { "FAILED" };
-        writeln!(out, "\n{word}: the greatest change is {slowdown:+.2}%, at most {most:+}% is allowed")?;
+        writeln!(
+            out,
+            "\n{word}: the greatest change is {}%, at most {most:+}% is allowed",
+            signed(slowdown, 2)
+        )?;
     }
     Ok(passed)
 }

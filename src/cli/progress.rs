@@ -52,6 +52,17 @@ impl Progress for Bar {
         self.note(what);
     }
 
+    fn counted(&self, what: &str, count: u32) {
+        self.bar.set_style(style("{prefix} {wide_bar} {percent}% {eta} left"));
+        self.bar.set_prefix(what.to_owned());
+        self.bar.reset();
+        self.bar.set_length(u64::from(count));
+    }
+
+    fn one_done(&self) {
+        self.bar.inc(1);
+    }
+
     fn step(&self, title: &str, tasks: u32) {
         self.watched.store(false, Relaxed);
         self.bar.set_style(style("{prefix} {wide_bar} {percent}% {msg} {eta} left"));

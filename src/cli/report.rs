@@ -9,8 +9,8 @@ use lrbsim::written::{Results, Written};
 use lrbsim::{frames, study};
 use lrbsim_reports::files::ResultDir;
 use lrbsim_reports::frames::FramesReport;
-use lrbsim_reports::page::{self, Picture};
-use lrbsim_reports::{Digest, HostReport, table};
+use lrbsim_reports::page::{self, Judged, Picture};
+use lrbsim_reports::{Digest, HostReport, RunReport, table};
 
 use super::Failure;
 use super::interrupt::on_interrupt;
@@ -44,7 +44,8 @@ pub(crate) fn run(args: &ReportArgs, out: &mut impl Write) -> Result<(), Failure
             }
             let pictures =
                 pictures(folder, &[("shaded", "image.png"), ("visibility of the light", "visibility.png")])?;
-            let html = page::of_run(report, host(folder).as_ref(), &pictures);
+            let html =
+                page::of_run(report, host(folder).as_ref(), &pictures, judged(report, folder)?.as_ref());
             vec![
                 ("report.html".to_owned(), html.into_bytes()),
                 ("table.txt".to_owned(), table::render(report).into_bytes()),
@@ -64,6 +65,15 @@ fn write(folder: &Path, files: &[(String, Vec<u8>)], out: &mut impl Write) -> Re
         writeln!(out, "wrote {}", path.display())?;
     }
     Ok(())
+}
+
+/// The pictures of the reference that the report is judged by.
+fn judged(report: &RunReport, folder: &Path) -> Result<Option<Judged>, BadInput> {
+    if report.image.error.is_none() {
+        return Ok(None);
+    }
+    let found = pictures(folder, &[("truth", "reference.png"), ("difference", "error.png")])?;
+    Ok(<[Picture; 2]>::try_from(found).ok().map(|[truth, difference]| Judged { truth, difference }))
 }
 
 /// The frames of a moving scene whose worst frame the report is of.

@@ -6,9 +6,11 @@ use std::str::FromStr;
 
 use clap::Args;
 use lrbsim::choices;
+use lrbsim::reference::{DEFAULT_CACHE, parse_samples};
 use lrbsim::written::replaced_run;
 use lrbsim::{
-    Algorithm, BadInput, HostOptions, Machine, RunRequest, Setting, frames, inputs, results, run_frame,
+    Algorithm, BadInput, HostOptions, Machine, ReferenceRequest, RunRequest, Setting, frames, inputs,
+    results, run_frame,
 };
 use lrbsim_isa::host::HostSimd;
 use lrbsim_machine::Fidelity;
@@ -80,6 +82,14 @@ pub(crate) struct RunArgs {
     #[arg(long, value_name = "T", allow_negative_numbers = true)]
     time: Option<f64>,
 
+    /// Judge the picture by so many shadow rays from each receiver, such as 256; adds error.png and reference.png.
+    #[arg(long, value_name = "SAMPLES", allow_negative_numbers = true)]
+    reference: Option<String>,
+
+    /// Folder where references are kept, beside the finished points of studies.
+    #[arg(long, value_name = "DIR", default_value = DEFAULT_CACHE)]
+    cache: PathBuf,
+
     /// Folder for the results [default: out/<scene>-<machine>-<algorithm>, then what else was asked for, as in
     /// out/tiny-larrabee-24-sism-cores=8].
     #[arg(short, long, value_name = "DIR")]
@@ -101,6 +111,7 @@ pub(crate) fn run(args: &RunArgs, out: &mut impl Write) -> Result<(), Failure> {
     let fidelity = Fidelity::from_str(&args.fidelity).map_err(BadInput::from)?;
     let host = host_options(args)?;
     let machine = Machine::load(&args.machine, &Setting::all(&args.settings)?)?;
+    let samples = args.reference.as_deref().map(parse_samples).transpose()?;
     let size = args.size.as_deref().map(parse_size).transpose()?;
     let bar = Bar::new(std::io::stderr().is_terminal());
     bar.note("loading");
@@ -121,13 +132,15 @@ pub(crate) fn run(args: &RunArgs, out: &mut impl Write) -> Result<(), Failure> {
     };
     let mut files_read = name.files(&scene);
     files_read.extend(inputs::machine_file(&args.machine));
-    let mut names = results::names(args.dump);
+    let mut names = results::names(args.dump, samples.is_some());
     names.extend(args.frames.iter().flat_map(|_| frames::FILES));
     results::spare_inputs(&target, &names, &files_read)?;
     let dir = ResultDir::open(&target)
         .map_err(|error| BadInput::from(error).with_help("`-o` must name a folder that can be written"))?;
 
-    let request = RunRequest { scene, machine, algorithm, fidelity, warm_frames: args.warm_frames, host };
+    let reference = samples.map(|samples| ReferenceRequest { samples, cache: Some(args.cache.clone()) });
+    let warm_frames = args.warm_frames;
+    let request = RunRequest { scene, machine, algorithm, fidelity, warm_frames, reference, host };
     if let Some(frames) = args.frames {
         return run_moving(&request, frames, (&target, dir), &bar, args.json, out);
     }
@@ -147,6 +160,10 @@ pub(crate) fn run(args: &RunArgs, out: &mut impl Write) -> Result<(), Failure> {
         output.host.seconds,
         output.host.simulated_instructions_per_second / 1e6
     )?;
+    if let (Some(seconds), Some(found)) = (output.host.reference_seconds, output.host.reference_found) {
+        let how = if found { "found in the cache, where it once took" } else { "cast in" };
+        writeln!(out, "reference {how} {seconds:.2} s")?;
+    }
     tell(&paths, replaced, out)
 }
 
@@ -172,6 +189,7 @@ fn asked(args: &RunArgs) -> Vec<String> {
     option("fidelity", (args.fidelity != Fidelity::default().to_string()).then(|| args.fidelity.clone()));
     option("warm-frames", (args.warm_frames > 0).then(|| args.warm_frames.to_string()));
     option("frames", args.frames.map(|frames| frames.to_string()));
+    option("reference", args.reference.clone());
     option("time", args.time.map(|time| time.to_string()));
     asked
 }

@@ -2,16 +2,19 @@
 
 use std::io::{IsTerminal as _, Write};
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 use std::sync::Mutex;
 
 use clap::{Args, Subcommand, ValueEnum};
 use indicatif::ProgressBar;
-use lrbsim::BadInput;
+use lrbsim::reference::DEFAULT_CACHE;
 use lrbsim::results::spare_inputs;
 use lrbsim::study::{self, Options, SlurmOptions, Status, Study, StudyProgress, run_on_slurm, run_study};
 use lrbsim::written::replaced_study;
+use lrbsim::{Algorithm, BadInput};
 use lrbsim_reports::analysis::findings;
 use lrbsim_reports::files::ResultDir;
+use lrbsim_reports::table::counted;
 
 use super::Failure;
 use super::interrupt::on_interrupt;
@@ -19,9 +22,6 @@ use super::progress::{on_standard_error, style};
 
 /// Points at once at most: a host has no more threads.
 pub(super) const JOBS_MAX: usize = 1024;
-
-/// Where finished points are kept.
-const CACHE: &str = "out/cache";
 
 #[derive(Debug, Args)]
 #[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
@@ -80,7 +80,7 @@ struct What {
     study: PathBuf,
 
     /// Folder of finished points, shared by studies.
-    #[arg(long, value_name = "DIR", default_value = CACHE)]
+    #[arg(long, value_name = "DIR", default_value = DEFAULT_CACHE)]
     cache: PathBuf,
 
     /// On a cluster, shards to cut the study into [default: by forecast cost].
@@ -149,7 +149,7 @@ fn export(args: &ExportArgs, out: &mut impl Write) -> Result<(), Failure> {
 fn again(what: &What, out: Option<&PathBuf>) -> String {
     let mut again = format!("lrbsim study {}", what.study.display());
     for (option, folder) in [("-o", out), ("--cache", Some(&what.cache))] {
-        if let Some(folder) = folder.filter(|folder| folder.as_path() != Path::new(CACHE)) {
+        if let Some(folder) = folder.filter(|folder| folder.as_path() != Path::new(DEFAULT_CACHE)) {
             again += &format!(" {option} {}", folder.display());
         }
     }
@@ -216,6 +216,7 @@ fn run_points(what: &What, args: &StudyArgs, out: &mut impl Write) -> Result<boo
         return Ok(status.failed == 0);
     }
     let base = &output.head.study.base;
+    let algorithm = Algorithm::from_str(&base.algorithm)?;
     let set: Vec<String> = base.set.iter().map(|(path, value)| format!(", {path} = {value}")).collect();
     writeln!(
         out,
@@ -223,7 +224,7 @@ fn run_points(what: &What, args: &StudyArgs, out: &mut impl Write) -> Result<boo
         output.head.study.name,
         base.scene,
         base.machine,
-        base.algorithm,
+        algorithm.title(),
         base.fidelity,
         set.concat()
     )?;
@@ -236,8 +237,8 @@ fn run_points(what: &What, args: &StudyArgs, out: &mut impl Write) -> Result<boo
     }
     writeln!(
         out,
-        "\n{} points: {} run, {} found in {}, {} failed; {:.1} s",
-        status.points,
+        "\n{}: {} run, {} found in {}, {} failed; {:.1} s",
+        counted(status.points as u64, "point"),
         status.computed,
         status.found,
         what.cache.display(),
@@ -279,7 +280,7 @@ impl Bar {
             bar.finish_and_clear();
             let status = state.lock().ok().and_then(|status| *status).unwrap_or_default();
             let done = status.found + status.computed;
-            eprintln!("stopped with {done} of {} points finished; {text}", status.points);
+            eprintln!("stopped with {done} of {} finished; {text}", counted(status.points as u64, "point"));
         };
         on_interrupt(handler);
     }
@@ -294,11 +295,11 @@ impl StudyProgress for Bar {
         let first = self.state.lock().map(|mut last| last.replace(*status).is_none()).unwrap_or(false);
         if first && self.resume {
             let left = status.points - status.found - status.failed;
-            let text = format!("{} of {} points are finished; {left} are left", status.found, status.points);
-            self.say(&text);
+            let all = counted(status.points as u64, "point");
+            self.say(&format!("{} of {all} finished; {left} left", status.found));
         }
         let done = status.found + status.computed + status.failed;
-        self.bar.set_prefix(format!("{done}/{} points", status.points));
+        self.bar.set_prefix(format!("{done}/{}", counted(status.points as u64, "point")));
         self.bar.set_position((status.part_done * 1000.0) as u64);
         let rate = status.computed as f64 / status.seconds.max(1e-3) * 60.0;
         let left =

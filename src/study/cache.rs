@@ -25,9 +25,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::BadInput;
 use crate::frame::{RunOutput, SEMANTICS, scene_hash};
-use crate::host::{build, node};
+use crate::host::{PARTIAL, build, node, partial};
 use crate::results::safe_name;
-use lrbsim_reports::lock::Lock;
+use lrbsim_reports::lock::{Lock, is_without_locks};
 
 /// A folder of finished points.
 #[derive(Debug, Clone)]
@@ -102,6 +102,9 @@ pub struct Inputs<'a> {
     pub fidelity: &'a str,
     /// Frames before the measured one.
     pub warm_frames: u32,
+    /// Rays of the reference, where there is one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reference: Option<u32>,
 }
 
 impl Inputs<'_> {
@@ -126,6 +129,7 @@ impl Entry {
             algorithm: &provenance.algorithm,
             fidelity: &provenance.fidelity,
             warm_frames: provenance.warm_frames,
+            reference: report.image.error.map(|error| error.samples),
         };
         Entry { key: inputs.key(), build: build().to_owned(), host, report }
     }
@@ -266,8 +270,7 @@ impl Claim {
     /// Puts the finished point in place.
     pub fn finish(&self, entry: &Entry) -> Result<(), BadInput> {
         let text = serde_json::to_string(entry).expect("an entry has string keys");
-        let own = format!("{}-{}.{PARTIAL}", safe_name(&node()), std::process::id());
-        let written = write_with_temporary(&self.file, &self.file.with_extension(own), text.as_bytes());
+        let written = write_with_temporary(&self.file, &partial(&self.file), text.as_bytes());
         // Somebody else may have put the same file in place meanwhile, and removed what he found beside it.
         if let Err(error) = written {
             let is_there = error.source.kind() == io::ErrorKind::NotFound && self.file.is_file();
@@ -290,16 +293,6 @@ impl Claim {
     }
 }
 
-/// Last extension of files that are being written.
-const PARTIAL: &str = "partial";
-
-/// Whether the file system refuses every lock.
-fn is_without_locks(error: &io::Error) -> bool {
-    /// What Linux says where a network file system has no server of locks.
-    const ENOLCK: i32 = 37;
-    error.kind() == io::ErrorKind::Unsupported || error.raw_os_error() == Some(ENOLCK)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -312,6 +305,7 @@ mod tests {
             algorithm: crate::Algorithm::default(),
             fidelity: lrbsim_machine::Fidelity::Functional,
             warm_frames: 0,
+            reference: None,
             host: HostOptions::default(),
         };
         let mut entry = Entry::new(run_frame(&request, &Quiet).expect("it runs"));

@@ -1,6 +1,7 @@
 //! Threads that run the points that are not finished yet, the dearest first, as many at once as fit in memory.
 
 use std::collections::{BTreeMap, VecDeque};
+use std::path::Path;
 use std::sync::{Condvar, Mutex, MutexGuard};
 use std::time::Duration;
 
@@ -22,6 +23,9 @@ pub(super) trait Store: Sync {
 
     /// Claims a point; `None` while another process computes it and, for `waited` seconds so far, is waited for.
     fn claim(&self, key: &str, waited: f64) -> Result<Option<Claim>, BadInput>;
+
+    /// The folder of the cache.
+    fn folder(&self) -> &Path;
 
     /// Keeps how a claimed point ended.
     fn keep(&self, claim: &Claim, task: &Task, outcome: Result<&mut Entry, &Fault>) -> Result<(), BadInput>;
@@ -223,7 +227,7 @@ impl<'a> Crew<'a> {
         if let Some(outcome) = self.store.find(&task.key) {
             return Ok(Attempt::Found(outcome));
         }
-        let mut outcome = self.work.run(task);
+        let mut outcome = self.work.run(task, self.store.folder());
         self.store.keep(&claim, task, outcome.as_mut().map_err(|fault| &*fault))?;
         Ok(Attempt::Ran(outcome.map(|entry| entry.host.seconds).map_err(|fault| fault.message)))
     }

@@ -15,7 +15,8 @@ use crate::json::{self, Spots};
 use crate::settings::distance;
 
 /// Name and text of each shipped study.
-const STUDIES: [(&str, &str); 2] = [
+const STUDIES: [(&str, &str); 3] = [
+    ("accuracy", include_str!("../../configs/studies/accuracy.json")),
     ("cores", include_str!("../../configs/studies/cores.json")),
     ("orbit", include_str!("../../configs/studies/orbit.json")),
 ];
@@ -182,6 +183,9 @@ fn try_axis(base: &Recipe, axis: &StudyAxis) -> (bool, Result<(), Misfit>) {
 fn check_numbers(file: &StudyFile, at: &dyn Fn(BadInput, &str, &str) -> BadInput) -> Result<(), BadInput> {
     let ids: Vec<&str> = METHODS.iter().flat_map(|method| method.phases()).map(|phase| phase.id).collect();
     let known = dictionary::paths(&ids);
+    let judged = file.base.reference.is_some()
+        || file.base.set.contains_key("reference")
+        || file.axes.iter().any(|axis| axis.path == "reference");
     let check = |path: &str, place: &str, also: &[String]| {
         let fits = |known: &String| match known.strip_suffix('*') {
             Some(group) => {
@@ -190,13 +194,28 @@ fn check_numbers(file: &StudyFile, at: &dyn Fn(BadInput, &str, &str) -> BadInput
             None => known == path,
         };
         if known.iter().chain(also).any(fits) {
+            if path.starts_with("image.error.") && !judged {
+                let bad = BadInput::new(format!(
+                    "`{path}` is an error by a reference, and no reference is asked for"
+                ))
+                .with_help(
+                    "`\"reference\": 256` in the base judges each picture by 256 shadow rays a receiver",
+                );
+                return Err(at(bad, place, "never measured"));
+            }
             return Ok(());
         }
-        let nearest = known.iter().chain(also).min_by_key(|known| distance(path, known)).expect("many");
+        let where_from = "`lrbsim schema counters` lists them; phases by id, such as `phases.soft.ms`";
+        if dictionary::is_list(path, &ids) {
+            let bad = BadInput::new(format!("`{path}` is a list of numbers; it must be one number"));
+            return Err(at(bad.with_help(where_from), place, "not one number"));
+        }
         let bad = BadInput::new(format!("`{path}` is no number of a report"));
-        let help = format!(
-            "did you mean `{nearest}`? `lrbsim schema counters` lists them; phases by id, such as `phases.soft.ms`"
-        );
+        let nearest = known.iter().chain(also).min_by_key(|known| distance(path, known));
+        let help = match nearest.filter(|nearest| distance(path, nearest) <= path.len().div_ceil(3)) {
+            Some(nearest) => format!("did you mean `{nearest}`? {where_from}"),
+            None => where_from.to_owned(),
+        };
         Err(at(bad.with_help(help), place, "no such number"))
     };
     check(&file.metric, "metric", &[])?;

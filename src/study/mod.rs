@@ -5,7 +5,7 @@
 //!                                     └► crew: admitted by memory, one host thread a point ─► cache ─► report
 //! ```
 //!
-//! On more than one machine, [`cluster`] cuts the points into shards, and each has a crew of its own.
+//! On more than one machine a plan cuts the points into shards, and each has a crew of its own: [`run_on_slurm`], [`commands`].
 
 mod cache;
 mod cluster;

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use lrbsim_machine::Fidelity;
+use lrbsim_reports::sheet::show_value;
 use lrbsim_reports::study::Base;
 use lrbsim_workloads::{Scene, SceneName};
 use serde_json::Value;
@@ -12,10 +13,11 @@ use crate::algorithm::Algorithm;
 use crate::error::BadInput;
 use crate::frame::check_warm_frames;
 use crate::inputs::{self, Machine};
+use crate::reference::check_samples;
 use crate::settings::{Setting, nearest_first};
 
 /// First names of a path that are not fields of the machine.
-const ROOTS: [&str; 6] = ["scene", "machine", "algorithm", "fidelity", "warm_frames", "time"];
+const ROOTS: [&str; 7] = ["scene", "machine", "algorithm", "fidelity", "warm_frames", "time", "reference"];
 
 /// What determines one run, before anything is loaded.
 #[derive(Debug, Clone, PartialEq)]
@@ -25,12 +27,14 @@ pub struct Recipe {
     machine: String,
     machine_settings: Vec<Setting>,
     algorithm: String,
-    /// Options of the algorithm by name, besides those in `algorithm`.
+    /// Options of the algorithm by name, in place of those in `algorithm`; the last of a name counts.
     algorithm_options: Vec<(String, String)>,
     fidelity: String,
     warm_frames: u32,
     /// Time in a scene that moves.
     time: Option<f64>,
+    /// Rays of the reference that pictures are judged by.
+    reference: Option<u32>,
     /// Where files are looked up.
     folder: PathBuf,
 }
@@ -60,6 +64,7 @@ impl Recipe {
             fidelity: base.fidelity.clone(),
             warm_frames: base.warm_frames,
             time: None,
+            reference: base.reference,
             folder: folder.to_owned(),
         };
         for (path, value) in &base.set {
@@ -73,6 +78,7 @@ impl Recipe {
         self.machine()?;
         self.algorithm()?;
         self.fidelity()?;
+        self.reference.map_or(Ok(()), |samples| check_samples(samples.into(), "`reference`").map(|_| ()))?;
         check_warm_frames(self.warm_frames)
     }
 
@@ -106,8 +112,16 @@ impl Recipe {
                 self.algorithm().map_err(wrong)?;
             }
             ("algorithm", option) => {
-                let value = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
-                self.algorithm_options.push((option.to_owned(), value));
+                let of = self.algorithm().map_err(wrong)?;
+                let known: Vec<String> = of.options().map(|(name, _)| name.to_owned()).collect();
+                if !known.iter().any(|name| name == option) {
+                    let bad = BadInput::new(format!(
+                        "`{path}` is no path: the algorithm `{}` has no option `{option}`",
+                        of.name()
+                    ));
+                    return Err((bad.with_help(nearest_first(option, "options", &known)), Fault::Path));
+                }
+                self.algorithm_options.push((option.to_owned(), show_value(value)));
                 self.algorithm().map_err(wrong)?;
             }
             ("fidelity", "") => {
@@ -121,11 +135,25 @@ impl Recipe {
                 })?;
                 check_warm_frames(self.warm_frames).map_err(wrong)?;
             }
+            ("reference", "") => {
+                let samples = value.as_u64().ok_or_else(|| {
+                    wrong(BadInput::new(format!("{said}: `reference` must be a whole number of shadow rays")))
+                })?;
+                self.reference = Some(check_samples(samples, "`reference`").map_err(wrong)?);
+            }
             ("time", "") => {
                 let time = value.as_f64().filter(|time| (0.0..=1.0).contains(time));
                 self.time = Some(time.ok_or_else(|| {
                     wrong(BadInput::new(format!("{said}: `time` must be a number from 0 to 1")))
                 })?);
+            }
+            (root, rest) if ROOTS.contains(&root) => {
+                let bad = BadInput::new(format!("`{path}` is no path: `{root}` has no fields"));
+                let help = match root {
+                    "machine" => format!("fields of the machine are paths by themselves: `{rest}`"),
+                    root => format!("`{root}` is a path by itself"),
+                };
+                return Err((bad.with_help(help), Fault::Path));
             }
             _ => {
                 self.machine_settings.push(Setting { path: path.to_owned(), value: value.clone(), said });
@@ -148,7 +176,7 @@ impl Recipe {
             let mut known: Vec<String> = tree.as_object().expect("an object").keys().cloned().collect();
             known.extend(ROOTS.map(str::to_owned));
             let bad = BadInput::new(format!("`{path}` is no path: a machine has no field `{first}`"));
-            return Err((bad.with_help(nearest_first(first, &known)), Fault::Path));
+            return Err((bad.with_help(nearest_first(first, "paths", &known)), Fault::Path));
         }
         let is_leaf = tree.pointer(&pointer).is_some_and(|leaf| !leaf.is_object());
         match Machine::apply_settings(&plain, &self.machine_settings) {
@@ -173,8 +201,15 @@ impl Recipe {
             }
             ("machine", "") => Ok(Value::from(self.machine.as_str())),
             ("algorithm", "") => Ok(Value::from(self.algorithm.as_str())),
+            ("algorithm", option) => {
+                let value = self.algorithm()?.options().find(|(name, _)| *name == option);
+                let (_, text) = value.ok_or_else(|| BadInput::new(format!("the base has no `{path}`")))?;
+                // What is not JSON is a string, as in `--set`.
+                Ok(serde_json::from_str(&text).unwrap_or(Value::String(text)))
+            }
             ("fidelity", "") => Ok(Value::from(self.fidelity.as_str())),
             ("warm_frames", "") => Ok(Value::from(self.warm_frames)),
+            ("reference", "") => Ok(Value::from(self.reference)),
             ("time", "") => Ok(Value::from(self.time.unwrap_or(0.0))),
             _ => at(serde_json::to_value(self.machine()?.config).expect("string keys"), path),
         }
@@ -202,14 +237,10 @@ impl Recipe {
 
     /// The algorithm.
     pub fn algorithm(&self) -> Result<Algorithm, BadInput> {
-        let options: Vec<String> =
-            self.algorithm_options.iter().map(|(name, value)| format!("{name}={value}")).collect();
-        let text = match (self.algorithm.contains(':'), options.is_empty()) {
-            (_, true) => self.algorithm.clone(),
-            (true, _) => format!("{},{}", self.algorithm, options.join(",")),
-            (false, _) => format!("{}:{}", self.algorithm, options.join(",")),
-        };
-        Algorithm::from_str(&text)
+        let base = Algorithm::from_str(&self.algorithm)?;
+        self.algorithm_options
+            .iter()
+            .try_fold(base, |algorithm, (name, value)| algorithm.with_option(&format!("{name}={value}")))
     }
 
     /// The fidelity.
@@ -220,6 +251,11 @@ impl Recipe {
     /// Frames before the measured one.
     pub fn warm_frames(&self) -> u32 {
         self.warm_frames
+    }
+
+    /// Rays of the reference that pictures are judged by; `None`: they are not.
+    pub fn reference(&self) -> Option<u32> {
+        self.reference
     }
 
     fn machine_name(&self) -> PathBuf {

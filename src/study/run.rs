@@ -1,6 +1,6 @@
 //! Runs a study on this machine.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::cache::{Cache, Claim, Entry};
 use super::crew::{self, Store};
@@ -77,6 +77,10 @@ impl Store for Cache {
 
     fn claim(&self, key: &str, _waited: f64) -> Result<Option<Claim>, BadInput> {
         Cache::claim(self, key)
+    }
+
+    fn folder(&self) -> &Path {
+        Cache::folder(self)
     }
 
     fn keep(&self, claim: &Claim, _task: &Task, outcome: Result<&mut Entry, &Fault>) -> Result<(), BadInput> {

@@ -17,6 +17,7 @@ use super::recipe::Recipe;
 use crate::error::BadInput;
 use crate::frame::{HostOptions, RunRequest, machine_hash, run_frame};
 use crate::progress::Quiet;
+use crate::reference::ReferenceRequest;
 
 /// Scenes that are kept loaded; more are loaded again for each point.
 const SCENES_KEPT: usize = 8;
@@ -42,6 +43,8 @@ pub(super) struct Task {
     /// Bytes that it takes.
     pub memory: u64,
     fidelity: Fidelity,
+    /// Rays of the reference that its picture is judged by.
+    reference: Option<u32>,
     scene: Arc<KnownScene>,
 }
 
@@ -61,8 +64,19 @@ struct KnownScene {
 pub(super) struct Fault {
     /// What is wrong, on one line.
     pub message: String,
-    /// Whether files are not what they were, so that this is no result of the point.
-    pub changed: bool,
+    /// What is at fault.
+    pub of: FaultOf,
+}
+
+/// What is at fault where a point has no result.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum FaultOf {
+    /// The point: it will never have one.
+    Point,
+    /// Files that are not what they were.
+    Files,
+    /// The host, and only for now.
+    Host,
 }
 
 impl<'a> Work<'a> {
@@ -128,6 +142,7 @@ impl<'a> Work<'a> {
             algorithm: &recipe.algorithm()?.to_string(),
             fidelity: &fidelity.to_string(),
             warm_frames: recipe.warm_frames(),
+            reference: recipe.reference(),
         }
         .key();
         // The caches of another machine may be larger.
@@ -143,12 +158,15 @@ impl<'a> Work<'a> {
         // More cores share more lines: measured, 64 of them cost 1.6 times the host time of one.
         let sharing = 1.0 + 0.1 * f64::from(machine.config.cores).log2();
         let work = scene.work * level * sharing * f64::from(1 + recipe.warm_frames());
-        Ok(Task { point, key, work, memory, fidelity, scene })
+        Ok(Task { point, key, work, memory, fidelity, reference: recipe.reference(), scene })
     }
 
-    /// Runs the point of `task`.
-    pub fn run(&self, task: &Task) -> Result<Entry, Fault> {
-        let failed = |bad: BadInput| Fault { message: explained(&bad), changed: false };
+    /// Runs the point of `task`; references are kept in the folder `cache`.
+    pub fn run(&self, task: &Task, cache: &Path) -> Result<Entry, Fault> {
+        let failed = |bad: BadInput| Fault {
+            message: explained(&bad),
+            of: if bad.is_passing() { FaultOf::Host } else { FaultOf::Point },
+        };
         let recipe = self.recipe(task.point).map_err(failed)?;
         let request = RunRequest {
             scene: match &task.scene.kept {
@@ -159,13 +177,16 @@ impl<'a> Work<'a> {
             algorithm: recipe.algorithm().map_err(failed)?,
             fidelity: task.fidelity,
             warm_frames: recipe.warm_frames(),
+            reference: task
+                .reference
+                .map(|samples| ReferenceRequest { samples, cache: Some(cache.to_owned()) }),
             host: HostOptions { threads: 1, simd: HostSimd::detect() },
         };
         // A defect of the simulator that one point shows is that point's result; the others go on.
         let output = std::panic::catch_unwind(AssertUnwindSafe(|| run_frame(&request, &Quiet)))
             .map_err(|panic| Fault {
                 message: format!("the simulator failed: {}", said(panic.as_ref())),
-                changed: false,
+                of: FaultOf::Point,
             })?
             .map_err(failed)?;
         let entry = Entry::new(output);
@@ -175,7 +196,7 @@ impl<'a> Work<'a> {
                 "the files of scene `{}` changed while the study ran; run the study again",
                 entry.report.scene.name
             );
-            return Err(Fault { message, changed: true });
+            return Err(Fault { message, of: FaultOf::Files });
         }
         Ok(entry)
     }
@@ -184,7 +205,7 @@ impl<'a> Work<'a> {
 impl Task {
     /// Points of one kind have the same cost for the same work.
     pub fn kind(&self) -> String {
-        format!("{:?} {}", self.scene.id, self.fidelity)
+        format!("{:?} {} {:?}", self.scene.id, self.fidelity, self.reference)
     }
 }
 
@@ -221,10 +242,10 @@ mod tests {
         let mut task = work.tasks.remove(0).expect("a sound point");
         // As of a scene beyond those that are kept loaded.
         Arc::get_mut(&mut task.scene).expect("nobody else has it").kept = None;
-        assert_eq!(work.run(&task).expect("the model is as it was").key, task.key);
+        assert_eq!(work.run(&task, folder.path()).expect("the model is as it was").key, task.key);
         write("f 1 2 3\nf 1 2 4\n");
-        let refusal = work.run(&task).expect_err("another model");
-        assert!(refusal.changed, "{refusal:?}");
+        let refusal = work.run(&task, folder.path()).expect_err("another model");
+        assert_eq!(refusal.of, FaultOf::Files);
         assert!(refusal.message.contains("scene `model` changed while the study ran"), "{refusal:?}");
     }
 

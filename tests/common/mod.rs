@@ -106,6 +106,7 @@ pub fn request(scene: &str) -> RunRequest {
         algorithm: Algorithm::default(),
         fidelity: Fidelity::Windowed,
         warm_frames: 0,
+        reference: None,
         host: HostOptions::default(),
     }
 }

@@ -45,7 +45,7 @@ pub struct Bvh {
 }
 
 /// A ray made ready for the watertight test: axes permuted so that the direction is largest along the third.
-struct Ray {
+pub(crate) struct Ray {
     origin: DVec3,
     inverse: DVec3,
     axes: [usize; 3],
@@ -53,7 +53,7 @@ struct Ray {
 }
 
 impl Ray {
-    fn new(origin: DVec3, direction: DVec3) -> Self {
+    pub(crate) fn new(origin: DVec3, direction: DVec3) -> Self {
         let abs = direction.abs();
         let z = if abs.x > abs.y && abs.x > abs.z { 0 } else { 1 + usize::from(abs.z >= abs.y) };
         let (mut x, mut y) = ((z + 1) % 3, (z + 2) % 3);
@@ -65,7 +65,7 @@ impl Ray {
     }
 
     /// Woop, Benthin and Wald 2013: no ray slips between two triangles that share an edge.
-    fn triangle(&self, corners: &[DVec3; 3], t_min: f64, t_max: f64) -> Option<(f64, [f64; 3])> {
+    pub(crate) fn triangle(&self, corners: &[DVec3; 3], t_min: f64, t_max: f64) -> Option<(f64, [f64; 3])> {
         let [x, y, z] = self.axes;
         let [a, b, c] = corners.map(|p| p - self.origin);
         let (ax, ay) = (a[x] - self.shear.x * a[z], a[y] - self.shear.y * a[z]);
@@ -99,6 +99,51 @@ impl Ray {
         }
         // Three roundings on either side [pbrt, §6.8.2].
         near <= far + far.abs() * 8.0 * f64::EPSILON
+    }
+}
+
+/// The segments from a point to a parallelogram: what lies wholly outside one of its planes meets none of them.
+struct Shaft {
+    apex: DVec3,
+    /// Unit normals, inward: of the four sides, through the apex, and of the far end. A side that is not to be had is 0.
+    normals: [DVec3; 5],
+    /// Least height of each plane over the apex.
+    least: [f64; 5],
+}
+
+impl Shaft {
+    fn new(apex: DVec3, hull: &[DVec3; 4]) -> Self {
+        let arms = hull.map(|corner| corner - apex);
+        let middle = arms.iter().sum::<DVec3>() * 0.25;
+        // The planes through the apex carry the rounding of its coordinates; so do the triangles.
+        let reach =
+            hull.iter().fold(apex.abs().max_element(), |far, corner| far.max(corner.abs().max_element()));
+        let slack = 256.0 * f64::EPSILON * reach;
+        let side = |i: usize| {
+            let normal = arms[i].cross(arms[(i + 1) % 4]).normalize_or_zero();
+            let inside = normal.dot(middle);
+            // Seen edge-on, the light is in all of these planes: they part nothing.
+            if inside.abs() <= slack { DVec3::ZERO } else { normal * inside.signum() }
+        };
+        let far = (hull[1] - hull[0]).cross(hull[3] - hull[0]).normalize_or_zero();
+        let far = if far.dot(middle) > 0.0 { -far } else { far };
+        let normals = [side(0), side(1), side(2), side(3), far];
+        Self { apex, normals, least: [-slack, -slack, -slack, -slack, far.dot(middle) - slack] }
+    }
+
+    fn misses_box(&self, bounds: &Bounds) -> bool {
+        self.normals.iter().zip(self.least).any(|(normal, least)| {
+            // The corner farthest in.
+            let corner = DVec3::select(normal.cmpgt(DVec3::ZERO), bounds.max, bounds.min);
+            normal.dot(corner - self.apex) < least
+        })
+    }
+
+    fn misses_points(&self, points: &[DVec3; 3]) -> bool {
+        self.normals
+            .iter()
+            .zip(self.least)
+            .any(|(normal, least)| points.iter().all(|point| normal.dot(point - self.apex) < least))
     }
 }
 
@@ -142,21 +187,54 @@ impl Bvh {
         best
     }
 
-    /// Whether any triangle that `accept`s lies on the ray with `t_min < t < t_max`.
+    /// Whether any triangle lies on the ray with `t_min < t < t_max` that `accept` takes, by its number and corners.
     pub fn any(
         &self,
         origin: DVec3,
         direction: DVec3,
         t_min: f64,
         t_max: f64,
-        accept: impl Fn(u32) -> bool,
+        accept: impl Fn(u32, &[DVec3; 3]) -> bool,
     ) -> bool {
         let mut found = false;
         self.walk(origin, direction, t_min, t_max, |ray, corners, triangle, limit| {
-            found = ray.triangle(corners, t_min, t_max).is_some() && accept(triangle);
+            found = ray.triangle(corners, t_min, t_max).is_some() && accept(triangle, corners);
             (!found).then_some(limit)
         });
         found
+    }
+
+    /// Number and corners of a triangle that [`Bvh::in_shaft`] found.
+    pub(crate) fn found(&self, place: u32) -> (u32, &[DVec3; 3]) {
+        (self.order[place as usize], &self.corners[place as usize])
+    }
+
+    /// Collects, into an empty list, all triangles that a segment from `apex` to a point of the parallelogram `hull` can
+    /// meet, and some that none meets; false where they are more than `most`.
+    pub(crate) fn in_shaft(&self, apex: DVec3, hull: &[DVec3; 4], most: usize, found: &mut Vec<u32>) -> bool {
+        let shaft = Shaft::new(apex, hull);
+        let mut stack = [0_u32; STACK];
+        let mut depth = self.nodes.len().min(1);
+        while depth > 0 {
+            depth -= 1;
+            let index = stack[depth];
+            let node = &self.nodes[index as usize];
+            if shaft.misses_box(&node.bounds) {
+                continue;
+            }
+            if node.count == 0 {
+                stack[depth] = node.first;
+                stack[depth + 1] = index + 1;
+                depth += 2;
+                continue;
+            }
+            let leaf = node.first..node.first + node.count;
+            found.extend(leaf.filter(|place| !shaft.misses_points(&self.corners[*place as usize])));
+            if found.len() > most {
+                return false;
+            }
+        }
+        true
     }
 
     /// Boxes and triangles that a ray through the scene is tested with, on average over all lines that meet it.

@@ -5,6 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::mesh::distance_to_triangle;
+use crate::reference::spiral;
 
 /// An area light, in world units. A directional light is a far one.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -115,6 +116,36 @@ impl Light {
         }
     }
 
+    /// `count` equal lights, each as bright as the `count`th part of this one, that lie over it as evenly as can be: together
+    /// they are nearly the same light, and each has the silhouettes that it sees itself [johnson09, §5.1]. A light without
+    /// extent stays one.
+    ///
+    /// Their radius is that of a disc of the `count`th part of the area, and their middles spread so far that the second
+    /// moments agree. Those of a disc lie on a spiral on it; those of a sphere in a ball, so dense that from every side they
+    /// seem to lie evenly on a disc.
+    #[must_use]
+    pub fn split(self, count: u32) -> Vec<Self> {
+        let n = f64::from(count);
+        let (part, spread) = ((1.0 / n).sqrt(), (1.0 - 1.0 / n).sqrt());
+        let sphere = |center, radius: f64| {
+            let place = |i| center + in_ball(i, count) * (radius * spread);
+            (0..count).map(|i| Self::Sphere { center: place(i), radius: radius * part }).collect()
+        };
+        match self {
+            _ if count <= 1 => vec![self],
+            Self::Sphere { center, radius } if radius > 0.0 => sphere(center, radius),
+            Self::Disc { center, normal, radius } if radius > 0.0 => {
+                let (u, v) = normal.normalize().any_orthonormal_pair();
+                let place = |at: glam::DVec2| center + (u * at.x + v * at.y) * (radius * spread);
+                spiral(count)
+                    .into_iter()
+                    .map(|at| Self::Disc { center: place(at), normal, radius: radius * part })
+                    .collect()
+            }
+            _ => vec![self],
+        }
+    }
+
     /// The same light with another radius; `None` for kinds that have none.
     #[must_use]
     pub fn with_radius(self, radius: f64) -> Option<Self> {
@@ -125,6 +156,25 @@ impl Light {
             Self::Rect { .. } | Self::Linear { .. } => None,
         }
     }
+}
+
+/// Place `i` of `count` in the unit ball, so dense that they lie evenly on the disc that is seen from any side: in proportion
+/// to `1 / sqrt(1 - r²)`.
+fn in_ball(i: u32, count: u32) -> DVec3 {
+    // A spiral around a sphere, outward and inward by the bits of the number read backward.
+    let along = 1.0 - 2.0 * (f64::from(i) + 0.5) / f64::from(count);
+    let angle = f64::from(i) * core::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
+    let across = (1.0 - along * along).sqrt();
+    let direction = DVec3::new(across * libm::cos(angle), across * libm::sin(angle), along);
+    let part = (f64::from(i.reverse_bits()) + 0.5 * 4_294_967_296.0 / f64::from(count)) / 4_294_967_296.0;
+    // The part of the ball within r is (2/pi) (asin r - r sqrt(1 - r²)).
+    let within = |r: f64| core::f64::consts::FRAC_2_PI * (libm::asin(r) - r * (1.0 - r * r).sqrt());
+    let (mut low, mut high) = (0.0, 1.0);
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if within(middle) < part.min(1.0) { low = middle } else { high = middle }
+    }
+    direction * low
 }
 
 /// Where a triangle crosses the plane through `center` across `normal`: a line from end to end; `None` where it does
@@ -142,6 +192,41 @@ fn cut_by_plane(corners: [DVec3; 3], center: DVec3, normal: DVec3) -> Option<[DV
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// What a light seen along each axis has for second moments about its middle, over its radius squared: 1/4 for a disc.
+    fn moments(parts: &[Light], radius: f64) -> DVec3 {
+        let own = parts[0].disc_radius().powi(2) / 4.0;
+        let sum: DVec3 = parts.iter().map(|part| part.center() * part.center()).sum();
+        (sum / parts.len() as f64 + own) / radius.powi(2)
+    }
+
+    #[test]
+    fn parts_of_a_light_have_its_area_its_middle_and_its_spread() {
+        let radius = 3.0;
+        let sphere = Light::Sphere { center: DVec3::ZERO, radius };
+        let disc = Light::Disc { center: DVec3::ZERO, normal: DVec3::Z, radius };
+        for count in [4_u32, 16, 64] {
+            for light in [sphere, disc] {
+                let parts = light.split(count);
+                let area: f64 = parts.iter().map(|part| part.disc_radius().powi(2)).sum();
+                assert!((area - radius * radius).abs() < 1e-12, "{count} parts of {light:?}");
+                let middle: DVec3 = parts.iter().map(|part| part.center()).sum();
+                let off = middle.length() / f64::from(count) / radius;
+                // So few places are not quite even.
+                let most = 0.8 / f64::from(count).sqrt();
+                assert!(off < 0.3 * most.max(0.1), "{count} parts of {light:?}: the middle is off by {off}");
+                let moments = moments(&parts, radius);
+                let axes =
+                    if light == disc { vec![moments.x, moments.y] } else { moments.to_array().to_vec() };
+                for moment in axes {
+                    assert!((moment - 0.25).abs() < 0.25 * most, "{count} parts of {light:?}: {moment}");
+                }
+            }
+        }
+        assert_eq!(sphere.split(1), [sphere]);
+        let point = Light::Point { center: DVec3::ONE };
+        assert_eq!(point.split(16), [point]);
+    }
 
     #[test]
     fn a_light_touches_what_reaches_into_it() {

@@ -4,6 +4,8 @@ use glam::DVec3;
 
 use crate::adjacency::{Adjacency, Counting, Stance, is_degenerate, stances};
 use crate::eye::EyeView;
+use crate::light::Light;
+use crate::mesh::Mesh;
 use crate::scene::Scene;
 
 /// Everything the kernels copy into simulated memory: plain data, light at the origin.
@@ -43,14 +45,29 @@ pub struct ShadowInput {
     pub receiver_triangle: Vec<u32>,
     /// Pixel of each receiver, `y * width + x`, ascending.
     pub receiver_pixel: Vec<u32>,
+    /// The same frame about each of the lights that its own is split into; none where it is not.
+    pub parts: Vec<ShadowInput>,
 }
 
 impl ShadowInput {
     /// Forms the input of one frame. `adjacency` must be that of `scene.mesh`, `eye` a view of it.
     #[must_use]
     pub fn new(scene: &Scene, adjacency: &Adjacency, eye: &EyeView) -> Self {
-        let mesh = &scene.mesh;
-        let origin = scene.light.center();
+        Self::about(&scene.light, &scene.mesh, adjacency, eye)
+    }
+
+    /// Forms the input of one frame whose light is split into `count` lights, see [`Light::split`].
+    #[must_use]
+    pub fn of_lights(scene: &Scene, count: u32, adjacency: &Adjacency, eye: &EyeView) -> Self {
+        let lights = scene.light.split(count);
+        let parts = lights.iter().map(|light| Self::about(light, &scene.mesh, adjacency, eye));
+        let parts = if lights.len() > 1 { parts.collect() } else { Vec::new() };
+        Self { parts, ..Self::new(scene, adjacency, eye) }
+    }
+
+    /// Forms the input of one frame about `light`.
+    fn about(light: &Light, mesh: &Mesh, adjacency: &Adjacency, eye: &EyeView) -> Self {
+        let origin = light.center();
         let largest = mesh
             .positions
             .iter()
@@ -69,7 +86,7 @@ impl ShadowInput {
             })
             .collect();
         let turn = |&face: &u32| stance[(face >> 1) as usize].side(face);
-        let radius = scale_by_power(DVec3::splat(scene.light.disc_radius()), -scale_log2).x as f32;
+        let radius = scale_by_power(DVec3::splat(light.disc_radius()), -scale_log2).x as f32;
 
         Self {
             width: eye.width,
@@ -77,7 +94,7 @@ impl ShadowInput {
             scale_log2,
             largest: libm::scalbn(largest, -scale_log2) as f32,
             light_radius: radius,
-            light_normal: scene.light.disc_normal().map(|n| n.as_vec3().to_array()),
+            light_normal: light.disc_normal().map(|n| n.as_vec3().to_array()),
             vertices: mesh.positions.iter().map(|&p| scaled(p)).collect(),
             triangles,
             counting: adjacency.counting.clone(),
@@ -87,6 +104,7 @@ impl ShadowInput {
             receivers: eye.points.iter().map(|&p| scaled(p)).collect(),
             receiver_triangle: eye.triangles.iter().map(|&t| adjacency.stands_for[t as usize]).collect(),
             receiver_pixel: eye.pixels.clone(),
+            parts: Vec::new(),
         }
     }
 }

@@ -136,14 +136,13 @@ impl Bin {
             let primitive = P::set_up(v, &self.grid.faces, FaceFrame::new(face), record);
             let [mut group, end] = self.grid.faces.groups(v, face);
             while v.branch(Compare::Less, group, end) {
-                let (touched, _) = primitive.touch(v, nodes.groups, group);
                 let own = lanes_below(v, group, end);
-                let touched = v.kand(touched, own);
+                let (touched, _) = primitive.touch(v, nodes.groups, group, Some(own));
                 let mut groups = v.kmov_to_scalar(touched);
                 while v.branch(Compare::NotEqual, groups, none) {
                     let lane = take_lane(v, &mut groups);
                     let first_bin = scalar!(v, (group + lane) << 4);
-                    let (touched, _) = primitive.touch(v, nodes.bins, first_bin);
+                    let (touched, _) = primitive.touch(v, nodes.bins, first_bin, None);
                     if v.branch_any(touched) {
                         let at = scalar!(v, table + first_bin);
                         if let Some(items) = *items {

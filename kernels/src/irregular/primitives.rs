@@ -18,8 +18,8 @@ pub struct TriangleRecord {
     /// The triangle's plane, `point . normal` of its points, farther by [`plane_slack`](crate::plane::plane_slack).
     pub plane: f32,
     /// Flags of the three edges: the sign bit is set where the triangle lies right of `low -> high`. Those of the first
-    /// also hold [`FRONT`], [`BACK`], [`AWAY`] and, from bit [`FACES_SHIFT`] on, the faces around the light that the
-    /// triangle can shadow.
+    /// also hold [`FRONT`], [`BACK`], [`AWAY`], [`CUTS`] and, from bit [`FACES_SHIFT`] on, the faces around the light that
+    /// the triangle can shadow.
     pub flags: [i32; 3],
 }
 
@@ -29,6 +29,8 @@ pub const FRONT: i32 = 1;
 pub const BACK: i32 = 2;
 /// Flag of a triangle that faces away from the light: the determinant of its corners is positive.
 pub const AWAY: i32 = 4;
+/// Flag of a triangle whose plane cuts the light: of receivers on it, part of the light lies below the horizon.
+pub const CUTS: i32 = 8;
 /// Where in the flags of a triangle the bits of the faces begin.
 pub const FACES_SHIFT: i32 = 8;
 

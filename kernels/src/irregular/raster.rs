@@ -238,13 +238,13 @@ impl Rasterize {
             let number = v.s_load(self.items, i);
             let record = records.record(v, number);
             let primitive = P::set_up(v, &self.grid.faces, frame, record);
-            let (touched, _) = primitive.touch(v, nodes.blocks, first_block);
+            let (touched, _) = primitive.touch(v, nodes.blocks, first_block, None);
             let mut blocks = v.kmov_to_scalar(touched);
             while v.branch(Compare::NotEqual, blocks, none) {
                 let lane = take_lane(v, &mut blocks);
                 let in_bin = scalar!(v, lane << 4);
                 let cell = scalar!(v, first_cell + in_bin);
-                let (touched, start) = primitive.touch(v, nodes.cells, cell);
+                let (touched, start) = primitive.touch(v, nodes.cells, cell, None);
                 if v.branch_any(touched) {
                     let at = scalar!(v, table + in_bin);
                     if let Some(records) = self.records {

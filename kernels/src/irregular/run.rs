@@ -26,8 +26,9 @@ use crate::record::{Record, Records, words};
 /// Blocks of a task of the steps that split.
 const BLOCKS: u32 = 8;
 
-/// Vector tests of a run by [`Kind`], as powers of two: about 32 K uops each.
-const RUN_LOG2: [i32; 2] = [10, 8];
+/// Vector tests of a run by [`Kind`], as powers of two.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct RunSizes(pub [i32; 2]);
 
 /// Into how many runs a block is split.
 #[repr(C)]
@@ -75,13 +76,18 @@ pub struct Runs {
 
 impl Runs {
     /// Splits the samples of each block into runs: counts them, then writes them.
-    pub fn build(grid: &Grid, raster: &Raster, runner: &mut Runner<'_>) -> Result<Runs, Stopped> {
+    pub fn build(
+        grid: &Grid,
+        raster: &Raster,
+        sizes: RunSizes,
+        runner: &mut Runner<'_>,
+    ) -> Result<Runs, Stopped> {
         let [counters] = clear::zeroed(runner, [u64::from(words::<RunCounters>())])?;
         let counters: Records<RunCounters> = Records::from_base(counters);
         let block_count = grid.faces.block_count();
         let splits = Columns::overwritten(runner.arena, block_count);
         let tasks = block_count.div_ceil(BLOCKS);
-        let count = Count { counters, splits, grid: *grid, list_starts: raster.lists.starts };
+        let count = Count { counters, splits, grid: *grid, list_starts: raster.lists.starts, sizes };
         // SAFETY: each task writes the splits of its own blocks and adds to the totals.
         runner.run(&unsafe { Step::independent("run counts", tasks, count) })?;
 
@@ -116,12 +122,13 @@ struct Count {
     grid: Grid,
     /// First records of the cells.
     list_starts: Addr,
+    sizes: RunSizes,
 }
 
 impl Kernel for Count {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
-        let Count { counters, splits, grid, list_starts } = self;
+        let Count { counters, splits, grid, list_starts, sizes } = self;
         let one = v.s_imm(1);
         let zero = v.s_imm(0);
         let (mut block, end) = task_range(v, task, BLOCKS, grid.faces.block_count());
@@ -138,7 +145,7 @@ impl Kernel for Count {
                 let tests = sum(v, tests);
                 let mut log2 = zero;
                 if v.branch(Compare::Less, zero, tests) {
-                    let wished = v.s_imm(1 << RUN_LOG2[kind as usize]);
+                    let wished = v.s_imm(1 << sizes.0[kind as usize]);
                     let mut left = tests;
                     let mut vectors_left = vector_count;
                     log2 = one;
@@ -221,6 +228,8 @@ pub struct Samples<V: Vpu> {
     pub live: V::Mask,
     /// Number of the sample in lane 0.
     pub first: V::S32,
+    /// Number of their block.
+    pub block: V::S32,
     /// Where the samples lie, light-centred.
     pub position: Vec3<V>,
 }
@@ -242,8 +251,11 @@ pub trait Shade {
         primitive: Record<V, CellRecord>,
     );
 
-    /// The sums in F and B of 16 samples after their last primitive; 0 where there is none.
-    fn sums<V: Vpu>(&self, state: &Self::State<V>) -> [V::I32; 2];
+    /// Where zeros are left for the samples of cells without primitives; `None`: these are looked at like all others.
+    fn zeros(&self) -> Option<[Addr; 2]>;
+
+    /// Stores what it has found out about `samples` after their last primitive, or without any.
+    fn end<V: Vpu>(&self, v: &mut V, samples: &Samples<V>, state: &Self::State<V>);
 }
 
 /// Walks the runs of one kind of primitives: 16 samples of a cell at a time, past all records of the cell.
@@ -255,13 +267,11 @@ pub struct Walk {
     /// First records of the cells.
     list_starts: Addr,
     records: Records<CellRecord>,
-    /// Where the sums in F and B of all samples are left.
-    sums: [Addr; 2],
 }
 
 impl Walk {
-    /// The walk through the records of `kind`, which leaves sums in F and B in the columns `sums`.
-    pub fn new(kind: Kind, grid: &Grid, raster: &Raster, runs: &Runs, sums: [Addr; 2]) -> Walk {
+    /// The walk through the records of `kind`.
+    pub fn new(kind: Kind, grid: &Grid, raster: &Raster, runs: &Runs) -> Walk {
         let first_list = kind.first_list(grid.faces.cell_count());
         Walk {
             runs: runs.runs[kind as usize],
@@ -269,7 +279,6 @@ impl Walk {
             grid: *grid,
             list_starts: raster.lists.starts.plus_words(u64::from(first_list)),
             records: raster.records,
-            sums,
         }
     }
 
@@ -328,8 +337,10 @@ impl Walk {
             let stop = lower(v, stop, sample_end);
             let record_first = v.s_load(*list_starts, cell);
             let record_end = v.s_load(list_starts.plus_words(1), cell);
-            if v.branch(Compare::Equal, record_first, record_end) {
-                self.nothing(v, i, stop);
+            if let Some(zeros) = shade.zeros()
+                && v.branch(Compare::Equal, record_first, record_end)
+            {
+                Walk::nothing(v, zeros, i, stop);
                 continue;
             }
             let record_first = scalar!(v, record_first + record_first);
@@ -339,7 +350,7 @@ impl Walk {
                 let position = each!(axis in [0, 1, 2] => {
                     v.vload_f32(grid.samples.column(field!(Sample.position[axis])), i)
                 });
-                let samples = Samples { live, first: i, position };
+                let samples = Samples { live, first: i, block, position };
                 let deepest = self.deepest(v, &samples, depths);
                 self.records(v, &samples, deepest, (record_first, record_end), shade);
                 i = scalar!(v, i + 16);
@@ -347,15 +358,15 @@ impl Walk {
         }
     }
 
-    /// Leaves 0 for samples `first..end`, of a cell without records.
+    /// Leaves zeros for samples `first..end`, of a cell without records.
     #[inline(always)]
-    fn nothing<V: Vpu>(&self, v: &mut V, first: V::S32, end: V::S32) {
+    fn nothing<V: Vpu>(v: &mut V, zeros: [Addr; 2], first: V::S32, end: V::S32) {
         let none = v.vset_i32(0);
         let mut i = first;
         while v.branch(Compare::Less, i, end) {
             let live = lanes_below(v, i, end);
-            for sums in self.sums {
-                v.vstore_i32(live, sums, i, none);
+            for zeros in zeros {
+                v.vstore_i32(live, zeros, i, none);
             }
             i = scalar!(v, i + 16);
         }
@@ -395,8 +406,6 @@ impl Walk {
             }
             at = scalar!(v, at + { words::<CellRecord>() as i32 });
         }
-        for (sums, sum) in self.sums.into_iter().zip(shade.sums(&state)) {
-            v.vstore_i32(samples.live, sums, samples.first, sum);
-        }
+        shade.end(v, samples, &state);
     }
 }

@@ -144,8 +144,8 @@ pub trait Touch<V: Vpu> {
     type Record;
     /// The primitive of `record` in a face's frame.
     fn set_up(v: &mut V, faces: &Faces, frame: FaceFrame, record: Record<V, Self::Record>) -> Self;
-    /// Tests nodes `at..at + 16`.
-    fn touch(&self, v: &mut V, nodes: Columns<Node>, at: V::S32) -> (V::Mask, V::F32);
+    /// Tests nodes `at..at + 16`, or those of them in `live`: what lies past the last node is no node.
+    fn touch(&self, v: &mut V, nodes: Columns<Node>, at: V::S32, live: Option<V::Mask>) -> (V::Mask, V::F32);
 }
 
 /// A triangle in a face's frame: its three edge planes, turned inward, and its own plane.
@@ -169,12 +169,15 @@ impl<V: Vpu> Touch<V> for Triangle<V> {
     }
 
     #[inline(always)]
-    fn touch(&self, v: &mut V, nodes: Columns<Node>, at: V::S32) -> (V::Mask, V::F32) {
+    fn touch(&self, v: &mut V, nodes: Columns<Node>, at: V::S32, live: Option<V::Mask>) -> (V::Mask, V::F32) {
         let rectangles = Rectangles::load(v, nodes, at);
         let zero = v.vset_f32(0.0);
         // Some point inside each edge plane.
         let inside = self.edges[0].max(v, &rectangles);
-        let mut touched = v.vcmp_ge(inside, zero);
+        let mut touched = match live {
+            None => v.vcmp_ge(inside, zero),
+            Some(live) => v.vcmp_ge_masked(live, inside, zero),
+        };
         for edge in &self.edges[1..] {
             let inside = edge.max(v, &rectangles);
             touched = v.vcmp_ge_masked(touched, inside, zero);
@@ -276,7 +279,7 @@ impl<V: Vpu> Touch<V> for Edge<V> {
     }
 
     #[inline(always)]
-    fn touch(&self, v: &mut V, nodes: Columns<Node>, at: V::S32) -> (V::Mask, V::F32) {
+    fn touch(&self, v: &mut V, nodes: Columns<Node>, at: V::S32, live: Option<V::Mask>) -> (V::Mask, V::F32) {
         let rectangles = Rectangles::load(v, nodes, at);
         let reach = v.vload_f32(nodes.column(field!(Node.reach)), at);
         let zero = v.vset_f32(0.0);
@@ -301,6 +304,7 @@ impl<V: Vpu> Touch<V> for Edge<V> {
         let width = v.vadd(width, slack);
         let touched = v.vcmp_le_masked(self.in_front, distance, width);
         let touched = v.kor(touched, self.everywhere);
+        let touched = live.map_or(touched, |live| v.kand(touched, live));
         let touched = v.vcmp_gt_masked(touched, rectangles.depth, zero);
 
         // Wedge test [algorithms, 2.7]: the depth at which the penumbra reaches the rectangle.

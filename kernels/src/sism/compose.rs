@@ -2,10 +2,11 @@
 
 #![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
 
-use lrbsim_isa::{Addr, Compare, Kernel, Runner, Step, Stopped, Vpu};
+use lrbsim_isa::{Compare, Kernel, Runner, Step, Stopped, Vpu};
 
-use super::Sums;
+use super::own::Own;
 use super::soft::WHOLE;
+use super::{Overlap, Picture, Sums};
 use crate::columns::{Columns, lanes_below, lower, task_range};
 use crate::expression::{each, scalar};
 use crate::field;
@@ -20,15 +21,17 @@ const TASK: u32 = 1024;
 /// Number of keys of a block, as a power of two.
 const BLOCK_KEYS_LOG2: i32 = (CHILDREN * SLICES).trailing_zeros() as i32;
 
-/// Composes the visibility of all samples, to the pixels at `visibility`.
+/// Composes the visibility of all samples, to the pixels of `picture`.
 pub fn compose(
     grid: &Grid,
     runs: &Runs,
     sums: Columns<Sums>,
-    visibility: Addr,
+    own: Option<Own>,
+    overlap: Overlap,
+    picture: Picture,
     runner: &mut Runner<'_>,
 ) -> Result<(), Stopped> {
-    let compose = Compose { grid: *grid, splits: runs.splits, sums, visibility };
+    let compose = Compose { grid: *grid, splits: runs.splits, sums, own, overlap, picture };
     // SAFETY: each task writes the pixels of its own samples: a receiver has a pixel of its own.
     runner.run(&unsafe { Step::independent("compose", grid.receivers.count.div_ceil(TASK), compose) })
 }
@@ -38,7 +41,11 @@ struct Compose {
     /// Which blocks have sums.
     splits: Columns<Split>,
     sums: Columns<Sums>,
-    visibility: Addr,
+    /// What takes out own triangles; `None` for a point light, whose sums have no parts.
+    own: Option<Own>,
+    /// Whether parts are summed here, or have been compared with one another.
+    overlap: Overlap,
+    picture: Picture,
 }
 
 impl Kernel for Compose {
@@ -61,6 +68,22 @@ impl Kernel for Compose {
 }
 
 impl Compose {
+    /// What the lights so far make of pixels whose part of this light is `visible`.
+    #[inline(always)]
+    fn together<V: Vpu>(&self, v: &mut V, live: V::Mask, pixel: V::I32, visible: V::F32) -> V::F32 {
+        let Picture { visibility, number, of } = self.picture;
+        if of == 1 {
+            return visible;
+        }
+        let zero = v.vset_f32(0.0);
+        let before = if number == 0 { zero } else { v.vgather_f32_or(zero, live, visibility, pixel) };
+        let part = v.vset_f32(1.0 / of as f32);
+        let one = v.vset_f32(1.0);
+        let sum = v.vmadd(visible, part, before);
+        // Parts that are no powers of two add up to a little more than one.
+        v.vmin(sum, one)
+    }
+
     /// The block that sample `sample` lies in, by bisection.
     #[inline(always)]
     fn block_of<V: Vpu>(&self, v: &mut V, sample: V::S32) -> V::S32 {
@@ -86,35 +109,66 @@ impl Compose {
     /// Composes samples `first..end` of a block.
     #[inline(always)]
     fn block<V: Vpu>(&self, v: &mut V, block: V::S32, first: V::S32, end: V::S32) {
-        let Compose { grid, splits, sums, .. } = self;
+        let Compose { grid, splits, sums, own, overlap, .. } = self;
         let none = v.vset_i32(0);
         let nothing = v.s_imm(0);
         let [has_layers, has_parts] = each!(kind in [0, 1] => {
             let log2 = v.s_load(splits.column(field!(Split.log2[kind])), block);
             v.branch(Compare::Less, nothing, log2)
         });
+        // What is covered has been found out already, layers and own triangles included.
+        let is_covered = has_parts && *overlap != Overlap::Sum;
         let mut i = first;
         while v.branch(Compare::Less, i, end) {
             let live = lanes_below(v, i, end);
             let mut sum = |field| v.vload_i32_or(none, live, sums.column(field), i);
-            let layers =
-                if has_layers { each!(k in [0, 1] => sum(field!(Sums.layers[k]))) } else { [none; 2] };
-            let parts = has_parts.then(|| each!(k in [0, 1] => sum(field!(Sums.coverage[k]))));
-            let visible = if has_layers || has_parts { visible(v, layers, parts) } else { v.vset_f32(1.0) };
+            let layers = if has_layers && !is_covered {
+                each!(k in [0, 1] => sum(field!(Sums.layers[k])))
+            } else {
+                [none; 2]
+            };
+            let mut parts = has_parts.then(|| each!(k in [0, 1] => sum(field!(Sums.coverage[k]))));
             let receiver = v.vload_i32_or(none, live, grid.samples.column(field!(Sample.receiver)), i);
+            if let (Some(own), false) = (own, is_covered) {
+                let triangle = grid.receivers.columns.column(field!(Receiver.triangle));
+                let number = v.vgather_i32_or(none, live, triangle, receiver);
+                let triangles = own.triangles(v, live, number);
+                if v.branch_any(triangles.cut) {
+                    let points = each!(axis in [0, 1, 2] => {
+                        v.vload_f32(grid.samples.column(field!(Sample.position[axis])), i)
+                    });
+                    let [front, back] = own.parts(v, points, &triangles);
+                    parts = Some(match parts {
+                        None => [front, back],
+                        Some(parts) => [v.viadd(parts[0], front), v.viadd(parts[1], back)],
+                    });
+                }
+            }
+            let visible = match parts {
+                Some([covered, _]) if is_covered => {
+                    let unit = v.vset_f32(1.0 / WHOLE);
+                    let one = v.vset_f32(1.0);
+                    let covered = v.vcvt_i32_f32(covered);
+                    v.vnmadd(covered, unit, one)
+                }
+                None if !has_layers => v.vset_f32(1.0),
+                _ => visible(v, layers, parts),
+            };
             let pixel =
                 v.vgather_i32_or(none, live, grid.receivers.columns.column(field!(Receiver.pixel)), receiver);
-            v.vscatter_f32(live, self.visibility, pixel, visible);
+            let visible = self.together(v, live, pixel, visible);
+            v.vscatter_f32(live, self.picture.visibility, pixel, visible);
             i = scalar!(v, i + 16);
         }
     }
 }
 
-/// Visible part of the light, from layers and fixed-point parts in F and B: `1 - min(max(|F|, |B|), 1)`.
+/// Visible part of the light, from layers and fixed-point parts in F and B: `1 - min(max(|F|, |B|, |F - B|), 1)`.
 ///
 /// The sign: a face that has receiver and middle of the light on one side covers part of the light from there, but runs
 /// the other way round than seen from the middle, so that its part comes out negative. No layer is between then, and the
-/// size of the sum is what it covers: exactly for a sheet, at most for a body.
+/// size of the sum is what it covers: exactly for a sheet, at most for a body. Where F and B differ in sign, they cover
+/// different parts: what hides the middle, and faces behind the terminator that hide what lies above it.
 #[inline(always)]
 pub fn visible<V: Vpu>(v: &mut V, layers: [V::I32; 2], parts: Option<[V::I32; 2]>) -> V::F32 {
     let one = v.vset_f32(1.0);
@@ -130,9 +184,12 @@ pub fn visible<V: Vpu>(v: &mut V, layers: [V::I32; 2], parts: Option<[V::I32; 2]
         }
     };
     let (front, back) = (coverage(0), coverage(1));
+    let apart = v.vsub(front, back);
+    let apart = v.vabs(apart);
     let front = v.vabs(front);
     let back = v.vabs(back);
     let covered = v.vmax(front, back);
+    let covered = v.vmax(covered, apart);
     let covered = v.vmin(covered, one);
     v.vsub(one, covered)
 }

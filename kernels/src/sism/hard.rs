@@ -8,12 +8,14 @@
 //! layer of F, of B, of both or of neither, as flags of its record say.
 //!
 //! A task is a run: some of the samples of a block of 16 cells. [`Walk`] takes 16 of its samples at a time, one a lane, and all
-//! triangles listed for their cell, one after the other in every lane; it stores what [`Shade::sums`] gives in the end.
+//! triangles listed for their cell, one after the other in every lane; [`Shade::end`] stores the counts.
 
 #![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
 
-use lrbsim_isa::{Kernel, Runner, Step, Stopped, Vpu};
+use lrbsim_isa::{Addr, Kernel, Runner, Step, Stopped, Vpu};
 
+use super::Sums;
+use crate::columns::Columns;
 use crate::expression::int;
 use crate::field;
 use crate::irregular::grid::{Grid, Sample};
@@ -24,14 +26,15 @@ use crate::irregular::run::{Samples, Shade, Walk};
 use crate::plane::{Vec3, dot, side};
 use crate::record::{Record, Records};
 
-/// Counts the layers of every sample in a block that holds triangles, to the sums of `walk`: one task a run.
+/// Counts the layers of every sample in a block that holds triangles, to [`Sums::layers`]: one task a run.
 pub fn count(
     walk: Walk,
     primitives: &Primitives,
     grid: &Grid,
+    sums: Columns<Sums>,
     runner: &mut Runner<'_>,
 ) -> Result<(), Stopped> {
-    let hard = Hard { walk, grid: *grid, triangles: primitives.triangles };
+    let hard = Hard { walk, grid: *grid, triangles: primitives.triangles, sums };
     // SAFETY: each task writes the sums of its own samples: a sample lies in one run.
     runner.run(&unsafe { Step::independent("hard", walk.run_count(), hard) })
 }
@@ -41,6 +44,7 @@ struct Hard {
     walk: Walk,
     grid: Grid,
     triangles: Records<TriangleRecord>,
+    sums: Columns<Sums>,
 }
 
 /// The layers of 16 samples, as far as their cell's triangles have been seen.
@@ -85,9 +89,15 @@ impl Shade for Hard {
         state.layers = count_layers(v, live, points, state.own, in_every_lane, triangle, state.layers);
     }
 
+    fn zeros(&self) -> Option<[Addr; 2]> {
+        Some([0, 1].map(|k| self.sums.column(field!(Sums.layers[k]))))
+    }
+
     #[inline(always)]
-    fn sums<V: Vpu>(&self, state: &Layers<V>) -> [V::I32; 2] {
-        state.layers
+    fn end<V: Vpu>(&self, v: &mut V, samples: &Samples<V>, state: &Layers<V>) {
+        for (k, layers) in state.layers.into_iter().enumerate() {
+            v.vstore_i32(samples.live, self.sums.column(field!(Sums.layers[k])), samples.first, layers);
+        }
     }
 }
 

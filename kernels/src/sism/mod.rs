@@ -7,28 +7,30 @@
 //! irregular: raster, run  … to (cell, primitive) records, and samples to runs of equal work
 //! hard                    layers between each sample and the light
 //! soft                    signed parts of the light's disc
-//! compose                 one clamp, visibility to the pixels
+//! compose                 own triangles taken out, one clamp, visibility to the pixels
 //! ```
 
 pub mod silhouette;
 pub mod hard;
 pub mod soft;
 pub mod compose;
+pub mod own;
+pub mod bits;
 
 use lrbsim_isa::options::{Entry, OptionSpec, Options, Values, Word};
 use lrbsim_isa::{Addr, Arena, Phase, Runner, Stopped};
 use lrbsim_workloads::ShadowInput;
 
 use crate::columns::Columns;
-use crate::field;
 use crate::irregular::bin::Bins;
 use crate::irregular::grid::Grid;
 use crate::irregular::primitives::{Kind, LightConstants, Primitives};
 use crate::irregular::raster::Raster;
 use crate::irregular::receivers::Receivers;
-use crate::irregular::run::{Runs, Walk};
+use crate::irregular::run::{RunSizes, Runs, Walk};
 use crate::method::{Method, Shadows};
 use crate::scene::Scene;
+use own::Own;
 
 /// Soft irregular shadow mapping, as a method among others.
 pub struct Sism;
@@ -36,15 +38,33 @@ pub struct Sism;
 const ENTRY: Entry = Entry {
     name: "sism",
     about: "soft irregular shadow mapping (Johnson et al. 2009)",
-    options: &[OptionSpec {
-        name: "form",
-        about: "how an edge is seen on the disc of the light",
-        values: Values::OneOf(&[Word {
-            name: "exact",
-            about: "each vertex along the receiver's own axis: exact for a light that faces the receiver",
-        }]),
-        default: "exact",
-    }],
+    options: &[
+        OptionSpec {
+            name: "form",
+            about: "how an edge is seen on the disc of the light",
+            values: Values::OneOf(&[Word {
+                name: "exact",
+                about: "each vertex along the receiver's own axis: exact for a light that faces the receiver",
+            }]),
+            default: "exact",
+        },
+        OptionSpec {
+            name: "overlap",
+            about: "what occluders hide that overlap on the light",
+            values: Values::OneOf(&[
+                Word { name: "sum", about: "the sum of their parts, as in the paper (C = 0): too dark" },
+                Word { name: "bits:64", about: "what they hide of 64 samples of the light" },
+                Word { name: "bits:256", about: "what they hide of 256 samples of the light" },
+            ]),
+            default: "sum",
+        },
+        OptionSpec {
+            name: "lights",
+            about: "how many smaller lights the light is split into, each with the silhouettes that it sees",
+            values: Values::Whole(1, 64),
+            default: "1",
+        },
+    ],
 };
 
 const fn phase(id: &'static str, title: &'static str, in_paper_total: bool) -> Phase {
@@ -69,12 +89,53 @@ impl Method for Sism {
         &[SILHOUETTE, GRID, BIN, RASTER, HARD, SOFT, COMPOSE]
     }
 
-    fn run(&self, _: &Options, input: &ShadowInput, runner: &mut Runner<'_>) -> Result<Shadows, Stopped> {
-        let arrays = run(input, runner)?;
-        let visibility = arrays.visibility(input, runner.arena);
-        let primitives = arrays.primitives;
-        let is_soft = primitives.light.is_soft();
-        Ok(Shadows { visibility, silhouette_edges: is_soft.then_some(u64::from(primitives.edge_count)) })
+    fn lights(&self, options: &Options) -> u32 {
+        options.whole("lights")
+    }
+
+    fn run(
+        &self,
+        options: &Options,
+        input: &ShadowInput,
+        runner: &mut Runner<'_>,
+    ) -> Result<Shadows, Stopped> {
+        let overlap = [Overlap::Sum, Overlap::Bits64, Overlap::Bits256][options.word("overlap")];
+        let lights = if input.parts.is_empty() { core::slice::from_ref(input) } else { &input.parts };
+        let visibility = runner.arena.overwritten(u64::from(input.width * input.height));
+        let first = runner.arena.used_bytes();
+        let mut silhouette_edges = None;
+        for (number, light) in (0..).zip(lights) {
+            // Each where the one before was: nothing but the picture outlives its light.
+            runner.arena.give_back(first);
+            let picture = Picture { visibility, number, of: lights.len() as u32 };
+            let primitives = run_light(light, overlap, picture, runner)?.primitives;
+            if primitives.light.is_soft() {
+                *silhouette_edges.get_or_insert(0) += u64::from(primitives.edge_count);
+            }
+        }
+        Ok(Shadows { visibility: read(visibility, input, runner.arena), silhouette_edges })
+    }
+}
+
+/// What occluders hide that overlap on the light.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Overlap {
+    /// The sum of their parts [johnson09, Eq. 5 with C = 0].
+    Sum,
+    /// What they hide of 64 samples of the light.
+    Bits64,
+    /// What they hide of 256 samples of the light.
+    Bits256,
+}
+
+impl Overlap {
+    /// Sizes of the runs: about 32 K uops each, with more for each test where samples are compared.
+    fn run_sizes(self) -> RunSizes {
+        RunSizes(match self {
+            Overlap::Sum => [10, 8],
+            Overlap::Bits64 => [10, 6],
+            Overlap::Bits256 => [10, 4],
+        })
     }
 }
 
@@ -83,7 +144,8 @@ impl Method for Sism {
 pub struct Sums {
     /// Layers in F and B between the sample and the light.
     pub layers: [i32; 2],
-    /// Parts of the light in F and B beyond silhouette edges, in units of 2^-24.
+    /// Parts of the light in F and B beyond silhouette edges, in units of 2^-24; where samples of the light are compared, the
+    /// covered part of it, layers included, in the first.
     pub coverage: [i32; 2],
 }
 
@@ -104,15 +166,42 @@ pub struct Arrays {
 impl Arrays {
     /// Visible part of the light in [0, 1], one a receiver, in the order of the input.
     pub fn visibility(&self, input: &ShadowInput, arena: &Arena) -> Vec<f32> {
-        let at = |&pixel: &u32| arena.read_f32(self.visibility.plus_words(u64::from(pixel)));
-        input.receiver_pixel.iter().map(at).collect()
+        read(self.visibility, input, arena)
     }
 }
 
-/// The program of one frame. Copies the input into the arena, untimed; all else are its steps.
+/// What the picture at `visibility` has for the receivers of `input`, in their order.
+fn read(visibility: Addr, input: &ShadowInput, arena: &Arena) -> Vec<f32> {
+    let at = |&pixel: &u32| arena.read_f32(visibility.plus_words(u64::from(pixel)));
+    input.receiver_pixel.iter().map(at).collect()
+}
+
+/// The picture that lights add to, one after the other.
+#[derive(Debug, Clone, Copy)]
+pub struct Picture {
+    /// Visible part of the light by pixel.
+    pub visibility: Addr,
+    /// Number of the light that adds to it; the first begins it.
+    pub number: u32,
+    /// Number of lights.
+    pub of: u32,
+}
+
+/// The program of one frame with one light.
+pub fn run(input: &ShadowInput, overlap: Overlap, runner: &mut Runner<'_>) -> Result<Arrays, Stopped> {
+    let visibility = runner.arena.overwritten(u64::from(input.width * input.height));
+    run_light(input, overlap, Picture { visibility, number: 0, of: 1 }, runner)
+}
+
+/// The program of one light. Copies the input into the arena, untimed; all else are its steps.
 ///
 /// A point light has neither silhouettes nor a soft phase.
-pub fn run(input: &ShadowInput, runner: &mut Runner<'_>) -> Result<Arrays, Stopped> {
+fn run_light(
+    input: &ShadowInput,
+    overlap: Overlap,
+    picture: Picture,
+    runner: &mut Runner<'_>,
+) -> Result<Arrays, Stopped> {
     let scene = Scene::new(input, runner.arena);
     let receivers = Receivers::new(input, runner.arena);
     let light = LightConstants::new(input);
@@ -128,21 +217,28 @@ pub fn run(input: &ShadowInput, runner: &mut Runner<'_>) -> Result<Arrays, Stopp
 
     runner.phase(&RASTER);
     let raster = Raster::build(&primitives, &grid, &bins, runner)?;
-    let runs = Runs::build(&grid, &raster, runner)?;
+    let runs = Runs::build(&grid, &raster, overlap.run_sizes(), runner)?;
 
     runner.phase(&HARD);
     let sums = Columns::overwritten(runner.arena, receivers.count);
-    let layers = [0, 1].map(|i| sums.column(field!(Sums.layers[i])));
-    hard::count(Walk::new(Kind::Triangles, &grid, &raster, &runs, layers), &primitives, &grid, runner)?;
+    hard::count(Walk::new(Kind::Triangles, &grid, &raster, &runs), &primitives, &grid, sums, runner)?;
 
-    if light.is_soft() {
+    let own = light.is_soft().then_some(Own {
+        light,
+        triangles: primitives.triangles,
+        triangle_count: primitives.triangle_count,
+    });
+    if let Some(own) = own {
         runner.phase(&SOFT);
-        let coverage = [0, 1].map(|i| sums.column(field!(Sums.coverage[i])));
-        soft::sum(Walk::new(Kind::Edges, &grid, &raster, &runs, coverage), &primitives, runner)?;
+        let walk = Walk::new(Kind::Edges, &grid, &raster, &runs);
+        match overlap {
+            Overlap::Sum => soft::sum(walk, &primitives, sums, runner)?,
+            Overlap::Bits64 => bits::cover::<4>(walk, &primitives, own, &grid, &runs, sums, runner)?,
+            Overlap::Bits256 => bits::cover::<16>(walk, &primitives, own, &grid, &runs, sums, runner)?,
+        }
     }
 
     runner.phase(&COMPOSE);
-    let visibility = runner.arena.overwritten(u64::from(input.width * input.height));
-    compose::compose(&grid, &runs, sums, visibility, runner)?;
-    Ok(Arrays { primitives, grid, runs, sums, visibility })
+    compose::compose(&grid, &runs, sums, own, overlap, picture, runner)?;
+    Ok(Arrays { primitives, grid, runs, sums, visibility: picture.visibility })
 }

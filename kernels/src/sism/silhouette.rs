@@ -14,7 +14,7 @@ use crate::expression::{each, int, scalar};
 use crate::field;
 use crate::irregular::CHILDREN;
 use crate::irregular::primitives::{
-    AWAY, EdgeRecord, FACES_SHIFT, LightConstants, Primitives, TriangleRecord,
+    AWAY, CUTS, EdgeRecord, FACES_SHIFT, LightConstants, Primitives, TriangleRecord,
 };
 use crate::irregular::touch::{faces_of_edges, faces_of_triangles};
 use crate::plane::{Vec3, cross, dot, edge_normal, plane_slack, sub};
@@ -28,7 +28,7 @@ const TASK: u32 = 256;
 pub fn detect(scene: &Scene, light: LightConstants, runner: &mut Runner<'_>) -> Result<Primitives, Stopped> {
     let triangle_count = scene.triangle_count;
     let triangles = Records::overwritten(runner.arena, u64::from(triangle_count.next_multiple_of(CHILDREN)));
-    let kernel = TriangleRecords { scene: *scene, records: triangles };
+    let kernel = TriangleRecords { scene: *scene, radius: light.radius, records: triangles };
     // SAFETY: each task writes the records of its own triangles.
     runner.run(&unsafe { Step::independent("triangle records", triangle_count.div_ceil(TASK), kernel) })?;
     let (edges, edge_count) =
@@ -75,13 +75,15 @@ fn positions<V: Vpu>(v: &mut V, scene: &Scene, live: V::Mask, vertex: V::I32) ->
 /// Makes the records of triangles.
 struct TriangleRecords {
     scene: Scene,
+    /// Radius of the light.
+    radius: f32,
     records: Records<TriangleRecord>,
 }
 
 impl Kernel for TriangleRecords {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
-        let TriangleRecords { scene, records } = self;
+        let TriangleRecords { scene, radius, records } = self;
         let (mut i, end) = task_range(v, task, TASK, scene.triangle_count);
         let lane = v.viota();
         let words = v.vset_i32(words::<TriangleRecord>() as i32);
@@ -109,6 +111,16 @@ impl Kernel for TriangleRecords {
 
             // Layers by the facing; none for a triangle that is edge-on to the light.
             let layers = layers(v, counted, away, toward);
+
+            // Does its plane come nearer to the middle of the light than the radius, or by rounding seem not to?
+            let reach = v.vset_f32(radius * 1.001);
+            let reach = v.vmul(reach, reach);
+            let length2 = dot(v, normal, normal);
+            let reach = v.vmul(reach, length2);
+            let det2 = v.vmul(det, det);
+            let cuts = v.vcmp_lt(det2, reach);
+            let cut_bit = v.vset_i32(CUTS);
+            let layers = v.vor_or(layers, cuts, layers, cut_bit);
 
             // Edge planes by vertex number: the same bits from both triangles on an edge.
             let base = v.vsplat(i);

@@ -10,8 +10,10 @@
 
 #![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
 
-use lrbsim_isa::{Kernel, Runner, Step, Stopped, Vpu};
+use lrbsim_isa::{Addr, Kernel, Runner, Step, Stopped, Vpu};
 
+use super::Sums;
+use crate::columns::Columns;
 use crate::expression::int;
 use crate::field;
 use crate::irregular::primitives::{EdgeRecord, LightConstants, Primitives};
@@ -20,14 +22,19 @@ use crate::irregular::run::{Samples, Shade, Walk};
 use crate::light::View;
 use crate::plane::{Vec3, side};
 use crate::record::{Record, Records};
-use crate::segment::segment;
+use crate::segment::{Vec2, segment};
 
 /// A whole light in fixed point: sums of 32-bit integers are the same in any order [algorithms, 6.9], and hold 127 lights.
 pub const WHOLE: f32 = (1 << 24) as f32;
 
-/// Sums the parts of edges for every sample in a block that holds edges, to the sums of `walk`: one task a run.
-pub fn sum(walk: Walk, primitives: &Primitives, runner: &mut Runner<'_>) -> Result<(), Stopped> {
-    let soft = Soft { walk, light: primitives.light, edges: primitives.edges };
+/// Sums the parts of edges for every sample in a block that holds edges, to [`Sums::coverage`]: one task a run.
+pub fn sum(
+    walk: Walk,
+    primitives: &Primitives,
+    sums: Columns<Sums>,
+    runner: &mut Runner<'_>,
+) -> Result<(), Stopped> {
+    let soft = Soft { walk, light: primitives.light, edges: primitives.edges, sums };
     // SAFETY: each task writes the sums of its own samples: a sample lies in one run.
     runner.run(&unsafe { Step::independent("soft", walk.run_count(), soft) })
 }
@@ -37,6 +44,7 @@ struct Soft {
     walk: Walk,
     light: LightConstants,
     edges: Records<EdgeRecord>,
+    sums: Columns<Sums>,
 }
 
 /// What covers the light of 16 samples, as far as their cell's edges have been seen.
@@ -78,9 +86,16 @@ impl Shade for Soft {
         state.coverage = add_edge(v, &state.view, live, points, edge, state.coverage);
     }
 
+    fn zeros(&self) -> Option<[Addr; 2]> {
+        Some([0, 1].map(|k| self.sums.column(field!(Sums.coverage[k]))))
+    }
+
     #[inline(always)]
-    fn sums<V: Vpu>(&self, state: &Coverage<V>) -> [V::I32; 2] {
-        state.coverage
+    fn end<V: Vpu>(&self, v: &mut V, samples: &Samples<V>, state: &Coverage<V>) {
+        for (k, coverage) in state.coverage.into_iter().enumerate() {
+            let column = self.sums.column(field!(Sums.coverage[k]));
+            v.vstore_i32(samples.live, column, samples.first, coverage);
+        }
     }
 }
 
@@ -105,14 +120,7 @@ pub fn add_edge<V: Vpu>(
     edge: Record<V, EdgeRecord>,
     coverage: [V::I32; 2],
 ) -> [V::I32; 2] {
-    // What of the edge lies between receiver and light, then where that is on the disc, in radii.
-    let a = edge.vec3(v, field!(EdgeRecord.ends[0]));
-    let b = edge.vec3(v, field!(EdgeRecord.ends[1]));
-    let mut a = view.see(v, a);
-    let mut b = view.see(v, b);
-    let live = view.clip(v, live, &mut a, &mut b);
-    let u0 = view.project(v, a);
-    let u1 = view.project(v, b);
+    let (live, [u0, u1]) = on_disc(v, view, live, edge);
 
     // The part of the disc beyond the edge.
     let (live, f) = segment(v, live, u0, u1);
@@ -133,6 +141,24 @@ pub fn add_edge<V: Vpu>(
     let front = int!(v, front * signed);
     let back = int!(v, back * signed);
     [v.viadd_or(coverage[0], live, coverage[0], front), v.viadd_or(coverage[1], live, coverage[1], back)]
+}
+
+/// What of an edge lies between receiver and light, as its ends on the disc, in radii; the lanes of `live` where some does.
+#[inline(always)]
+pub fn on_disc<V: Vpu>(
+    v: &mut V,
+    view: &View<V>,
+    live: V::Mask,
+    edge: Record<V, EdgeRecord>,
+) -> (V::Mask, [Vec2<V>; 2]) {
+    let a = edge.vec3(v, field!(EdgeRecord.ends[0]));
+    let b = edge.vec3(v, field!(EdgeRecord.ends[1]));
+    let mut a = view.see(v, a);
+    let mut b = view.see(v, b);
+    let live = view.clip(v, live, &mut a, &mut b);
+    let u0 = view.project(v, a);
+    let u1 = view.project(v, b);
+    (live, [u0, u1])
 }
 
 /// Part `f` of the disc in fixed point, rounded after `offset` is added, see [`rounding_offset`].

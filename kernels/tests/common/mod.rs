@@ -17,10 +17,10 @@ use lrbsim_kernels::irregular::primitives::Primitives;
 use lrbsim_kernels::irregular::receivers::{Receiver, Receivers};
 use lrbsim_kernels::irregular::run::Split;
 use lrbsim_kernels::record::Field;
-use lrbsim_kernels::sism::{self, Arrays, Sums, hard::count_layers, soft};
+use lrbsim_kernels::sism::{self, Arrays, Overlap, Sums, hard::count_layers, soft};
 use lrbsim_workloads::adjacency::prepare;
-use lrbsim_workloads::glam::{DVec3, Vec3};
-use lrbsim_workloads::{Adjacency, EyeView, Light, Mesh, Scene, ShadowInput, load_scene};
+use lrbsim_workloads::glam::{DVec2, DVec3, Vec3};
+use lrbsim_workloads::{Adjacency, Counting, EyeView, Light, Mesh, Scene, ShadowInput, load_scene};
 use serde_json::Value;
 
 /// The back end that runs something.
@@ -89,8 +89,13 @@ pub struct Run {
 }
 
 impl Run {
-    /// Runs the whole program of `input`.
+    /// Runs the whole program of `input`, overlap as in the paper.
     pub fn new(input: &ShadowInput, on: On) -> Run {
+        Run::with(input, Overlap::Sum, on)
+    }
+
+    /// Runs the whole program of `input`.
+    pub fn with(input: &ShadowInput, overlap: Overlap, on: On) -> Run {
         let mut arena = Arena::new();
         let (mut steps, mut phases) = (BTreeMap::new(), BTreeMap::new());
         let mut run_step = |phase: &Phase, step: &Step, arena: &mut Arena| {
@@ -99,7 +104,8 @@ impl Run {
             steps.insert(step.name(), figures);
             Ok(())
         };
-        let arrays = sism::run(input, &mut Runner::new(&mut arena, &mut run_step)).expect("nothing stops it");
+        let arrays =
+            sism::run(input, overlap, &mut Runner::new(&mut arena, &mut run_step)).expect("nothing stops it");
         let visibility = arrays.visibility(input, &arena);
         Run { arena, arrays, steps, phases, visibility }
     }
@@ -369,4 +375,80 @@ impl Random {
     pub fn vector(&mut self) -> DVec3 {
         DVec3::new(self.within(-1.0, 1.0), self.within(-1.0, 1.0), self.within(-1.0, 1.0))
     }
+}
+
+/// A cube of half size `half` about `center`.
+pub fn add_box(mesh: &mut Mesh, center: DVec3, half: DVec3) {
+    let first = mesh.positions.len() as u32;
+    for i in 0..8 {
+        let sign = |bit: u32| if i >> bit & 1 == 1 { 1.0 } else { -1.0 };
+        mesh.positions.push(center + half * DVec3::new(sign(0), sign(1), sign(2)));
+    }
+    for quad in [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]] {
+        let [a, b, c, d] = quad.map(|i: u32| first + i);
+        mesh.triangles.extend([[a, b, c], [a, c, d]]);
+    }
+}
+
+pub fn add_triangle(mesh: &mut Mesh, corners: [DVec3; 3]) {
+    let first = mesh.positions.len() as u32;
+    mesh.positions.extend(corners);
+    mesh.triangles.push([first, first + 1, first + 2]);
+}
+
+/// Triangles and boxes of all sizes about the light, receivers in all directions, some on the triangles.
+pub fn random_scene(seed: u64, receivers: usize) -> (Mesh, Vec<(DVec3, u32)>) {
+    let mut random = Random(seed);
+    let mut mesh = Mesh::default();
+    for _ in 0..8 + (random.unit() * 24.0) as u32 {
+        let center = random.vector();
+        let size = power_of_ten(random.within(-2.5, 0.3));
+        match (random.unit() * 4.0) as u32 {
+            0 => add_box(&mut mesh, center, size * DVec3::new(random.unit(), random.unit(), random.unit())),
+            // Through the light's plane, whichever way the faces lie.
+            1 => add_triangle(
+                &mut mesh,
+                [center, -center * random.unit() + random.vector() * 0.1, random.vector()],
+            ),
+            _ => add_triangle(&mut mesh, [(); 3].map(|()| center + random.vector() * size)),
+        }
+    }
+    let points = (0..receivers)
+        .map(|_| {
+            let on = (random.unit() * mesh.triangles.len() as f64) as u32;
+            if random.unit() < 0.5 {
+                let [a, b, c] = mesh.triangles[on as usize].map(|v| mesh.positions[v as usize]);
+                let (mut s, mut t) = (random.unit(), random.unit());
+                if s + t > 1.0 {
+                    (s, t) = (1.0 - s, 1.0 - t);
+                }
+                (a + (b - a) * s + (c - a) * t, on)
+            } else {
+                (random.vector() * random.within(0.2, 2.0), u32::MAX)
+            }
+        })
+        .filter(|(p, _)| p.length() > 1e-3)
+        .collect();
+    (mesh, points)
+}
+
+pub fn power_of_ten(exponent: f64) -> f64 {
+    10.0_f64.powf(exponent)
+}
+
+pub fn sphere(radius: f64) -> Light {
+    Light::Sphere { center: DVec3::ZERO, radius }
+}
+
+/// A frame in which the one receiver sees loops `loops`, given in radii of the light, on the light's disc.
+///
+/// Occluder in the plane z = 1, receiver at z = 2, radius 1. Fans of concave loops overlap themselves: counted as shells,
+/// the faces that look at the light give F, those that look away B, and the winding number is the difference.
+pub fn of_loops(loops: &[Vec<DVec2>], nudge: DVec2) -> ShadowInput {
+    let corners: Vec<Vec<DVec3>> =
+        loops.iter().map(|points| points.iter().map(|u| (*u * 0.5).extend(1.0)).collect()).collect();
+    let light = Light::Sphere { center: DVec3::ZERO, radius: 1.0 };
+    let mut input = input_of_prepared(polygons(&corners), light, &[(nudge.extend(2.0), u32::MAX)]);
+    input.counting.fill(Counting::Shell);
+    input
 }

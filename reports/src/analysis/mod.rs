@@ -156,6 +156,22 @@ impl<'a> Data<'a> {
         groups.into_iter().map(|(values, rows)| (name(&values), rows)).collect()
     }
 
+    /// Why an analysis of `y` over `x` has no row.
+    fn why_nothing(&self, x: &str, y: &str) -> String {
+        let any = |path: &str| self.rows.iter().any(|row| self.number(row, path).is_some());
+        if self.rows.is_empty() {
+            "Nothing is shown: no point has a result.".to_owned()
+        } else if !any(x) {
+            format!(
+                "Nothing is shown: the values of {x} are names, and this analysis is over numbers; `x` can name another axis."
+            )
+        } else if !any(y) {
+            format!("Nothing is shown: no point has a number {y}; functional runs have no times.")
+        } else {
+            format!("Nothing is shown: too few points have both {x} and {y}, above 0.")
+        }
+    }
+
     /// Finite points of one group, by rising x.
     fn points(&self, rows: &[&Row], x: &str, y: &str) -> Vec<(f64, f64)> {
         let mut points: Vec<(f64, f64)> =

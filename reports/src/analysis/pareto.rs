@@ -42,10 +42,14 @@ pub(super) fn pareto(data: &Data, analysis: &Analysis) -> Finding {
             Series { name: "beaten by others".to_owned(), look: Look::Dots, points: behind },
         ],
     };
+    let note = match rows.is_empty() {
+        true => data.why_nothing(&x, &y),
+        false => "The front: no other point has less of one number and no more of the other.".to_owned(),
+    };
     Finding {
         name: "pareto".to_owned(),
         title: format!("{} against {}", title(&y), title(&x)),
-        notes: vec!["The front: no other point has less of one number and no more of the other.".to_owned()],
+        notes: vec![note],
         plot: (!rows.is_empty()).then_some(Plot::Lines(plot)),
         sheet: Sheet { columns, rows },
     }

@@ -27,9 +27,9 @@ pub(super) fn power_law(data: &Data, analysis: &Analysis) -> Finding {
             if index == 0 {
                 let ends = [points[0].0, points[points.len() - 1].0];
                 let fitted = ends.map(|x| (x, (fit.intercept + fit.slope * x.ln()).exp()));
-                let exponent = format!("{name}: x^{:.2}", fit.slope);
+                let exponent = format!("x^{:.2}", fit.slope);
                 series.push(Series { name, look: Look::Dots, points });
-                series.push(Series { name: exponent, look: Look::Dashed, points: fitted.to_vec() });
+                series.push(Series { name: exponent, look: Look::Fit, points: fitted.to_vec() });
             }
         }
     }
@@ -38,6 +38,9 @@ pub(super) fn power_law(data: &Data, analysis: &Analysis) -> Finding {
     ];
     if left_out > 0 {
         notes.push(format!("{left_out} values of 0 or less have no logarithm and are left out."));
+    }
+    if sheet.rows.is_empty() {
+        notes = vec![data.why_nothing(&x, &y)];
     }
     let plot = Lines {
         title: format!("{} as a power of {}", title(&y), title(&x)),

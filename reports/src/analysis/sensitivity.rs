@@ -43,12 +43,14 @@ pub(super) fn sensitivity(data: &Data, analysis: &Analysis) -> Finding {
         label: "change from the first value, %".to_owned(),
         bars: effects.iter().map(bar).collect(),
     };
+    let note = match effects.is_empty() {
+        true => format!("Nothing is shown: no two points that have {y} above 0 differ in one axis alone."),
+        false => "Change of the metric from that with the axis's first value, all other axes kept; the geometric mean over their values. Elasticity: percent of change for one percent more.".to_owned(),
+    };
     Finding {
         name: "sensitivity".to_owned(),
         title: format!("Sensitivity of {}", title(&y)),
-        notes: vec![
-            "Change of the metric from that with the axis's first value, all other axes kept; the geometric mean over their values. Elasticity: percent of change for one percent more.".to_owned(),
-        ],
+        notes: vec![note],
         plot: (!effects.is_empty()).then_some(Plot::Bars(bars)),
         sheet,
     }

@@ -1,10 +1,13 @@
-//! How many times as fast as with the least x, and how much of what was to be had.
+//! How many times as fast as with the least x of all series, and how much of what was to be had.
 
-use super::{Data, Finding, named};
+use super::{Data, Finding, Row, named};
 use crate::metric::title;
 use crate::plot::{Axis, Lines, Look, Plot, Series};
-use crate::sheet::{Cell, Sheet};
+use crate::sheet::{Cell, Sheet, short};
 use crate::study::Analysis;
+
+/// Series that are named where they are left out, at most.
+const NAMES_MAX: usize = 6;
 
 pub(super) fn speedup(data: &Data, analysis: &Analysis) -> Finding {
     let (x, y) = (data.x(analysis), data.y(analysis));
@@ -18,14 +21,19 @@ pub(super) fn speedup(data: &Data, analysis: &Analysis) -> Finding {
     let mut sheet = Sheet { columns, rows: Vec::new() };
     let mut series = Vec::new();
     let mut ends = (f64::INFINITY, f64::NEG_INFINITY);
-    for (group, rows) in &groups {
+    // One baseline for all series: of one that does not begin there, nobody knows how fast it would be.
+    let of_y: Vec<Vec<(f64, f64)>> = groups.iter().map(|(_, rows)| measured(data, rows, &x, &y)).collect();
+    let baseline = of_y.iter().flatten().map(|point| point.0).fold(f64::INFINITY, f64::min);
+    let mut left_out = Vec::new();
+    for ((group, rows), of_y) in groups.iter().zip(of_y) {
         let lines: Vec<Vec<(f64, f64)>> =
-            paths.iter().map(|path| relative(&data.points(rows, &x, path))).collect();
-        let Some(&(first_x, _)) = lines[0].first() else { continue };
-        for (&(at, value), &(_, speedup)) in
-            data.points(rows, &x, &y).iter().filter(|point| point.1 > 0.0).zip(&lines[0])
-        {
-            let mut row = [at, value, speedup, speedup * first_x / at].map(Cell::Number).to_vec();
+            paths.iter().map(|path| relative(&measured(data, rows, &x, path), baseline)).collect();
+        if lines[0].is_empty() {
+            left_out.push(group.as_str());
+            continue;
+        }
+        for (&(at, value), &(_, speedup)) in of_y.iter().zip(&lines[0]) {
+            let mut row = [at, value, speedup, speedup * baseline / at].map(Cell::Number).to_vec();
             let there = |line: &Vec<(f64, f64)>| line.iter().find(|point| point.0 == at).map(|point| point.1);
             row.extend(lines[1..].iter().map(|line| Cell::maybe(there(line))));
             if groups.len() > 1 {
@@ -42,6 +50,20 @@ pub(super) fn speedup(data: &Data, analysis: &Analysis) -> Finding {
         let points = vec![(ends.0, 1.0), (ends.1, ends.1 / ends.0)];
         series.push(Series { name: "ideal".to_owned(), look: Look::Dashed, points });
     }
+    let mut notes = vec![format!(
+        "Speedup: {} with the least {x}, divided by the same here. Efficiency: speedup divided by how many times as great {x} is; 1 is ideal.",
+        title(&y)
+    )];
+    if sheet.rows.is_empty() {
+        notes = vec![data.why_nothing(&x, &y)];
+    } else if !left_out.is_empty() {
+        notes.push(format!(
+            "Left out, having no {} at {x} {}, which all speedups are relative to: {}.",
+            without_unit(&y),
+            short(baseline),
+            listed(&left_out)
+        ));
+    }
     let plot = Lines {
         title: format!("speedup over {}", title(&x)),
         x: Axis { label: title(&x), log: true },
@@ -51,19 +73,32 @@ pub(super) fn speedup(data: &Data, analysis: &Analysis) -> Finding {
     Finding {
         name: "speedup".to_owned(),
         title: format!("Speedup over {x}"),
-        notes: vec![format!(
-            "Speedup: {} with the least {x}, divided by the same here. Efficiency: speedup divided by how many times as great {x} is; 1 is ideal.",
-            title(&y)
-        )],
+        notes,
         plot: (!sheet.rows.is_empty()).then_some(Plot::Lines(plot)),
         sheet,
     }
 }
 
-/// Speedups over the first of `points`; where nothing was measured, 0 would be no time.
-fn relative(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
-    let first = points.first().map_or(0.0, |point| point.1);
-    points.iter().filter(|point| point.1 > 0.0).map(|(x, y)| (*x, first / y)).collect()
+/// Points of one group by rising x; where nothing was measured, 0 would be no time.
+fn measured(data: &Data, rows: &[&Row], x: &str, y: &str) -> Vec<(f64, f64)> {
+    let mut points = data.points(rows, x, y);
+    points.retain(|point| point.1 > 0.0);
+    points
+}
+
+/// Speedups over the point at `baseline`; none without it.
+fn relative(points: &[(f64, f64)], baseline: f64) -> Vec<(f64, f64)> {
+    let first = points.iter().find(|point| point.0 == baseline);
+    first.map_or_else(Vec::new, |(_, first)| points.iter().map(|(x, y)| (*x, first / y)).collect())
+}
+
+/// Names in a sentence, of many only the first.
+fn listed(names: &[&str]) -> String {
+    let shown = names[..names.len().min(NAMES_MAX)].join("; ");
+    match names.len().saturating_sub(NAMES_MAX) {
+        0 => shown,
+        more => format!("{shown}; and {more} more"),
+    }
 }
 
 fn without_unit(path: &str) -> String {

@@ -6,6 +6,7 @@ use crate::metric::title;
 use crate::plot::{Axis, Bar, Bars, Lines, Look, Plot, Series};
 use crate::sheet::{Cell, Sheet, show_value};
 use crate::study::Analysis;
+use crate::table::counted;
 
 /// Lines that a plot still shows apart.
 const LINES_MAX: usize = 9;
@@ -36,7 +37,10 @@ pub(super) fn table(digest: &Digest, data: &Data, analysis: &Analysis) -> Findin
     }
     let mut notes = match study.points.iter().filter(|point| point.error.is_some()).count() {
         0 => Vec::new(),
-        n => vec![format!("{n} of {} points have no result; the last column says why.", study.points.len())],
+        n => {
+            let all = counted(study.points.len() as u64, "point");
+            vec![format!("{n} of {all} without a result; the last column says why.")]
+        }
     };
     notes.extend(digest.warnings());
     let sheet = Sheet { columns, rows };

@@ -79,6 +79,39 @@ fn speedup_and_efficiency_are_relative_to_the_least() {
 }
 
 #[test]
+fn a_series_without_the_baseline_has_no_speedup_and_that_is_said() {
+    let points: [(&[Value], f64); 5] = [
+        (&[json!(8), json!(128)], 12.0),
+        (&[json!(24), json!(128)], 6.0),
+        (&[json!(24), json!(512)], 5.0),
+        (&[json!(48), json!(512)], 4.0),
+        (&[json!(48), json!(128)], 4.8),
+    ];
+    let speedup = finding(&study(&["cores", "l2"], &["speedup"], &points), "speedup");
+    let rows: Vec<Vec<f64>> = speedup.sheet.rows.iter().map(|row| numbers(row)).collect();
+    assert_eq!(rows, [[8.0, 12.0, 1.0, 1.0], [24.0, 6.0, 2.0, 2.0 / 3.0], [48.0, 4.8, 2.5, 2.5 / 6.0]]);
+    let Some(Plot::Lines(lines)) = &speedup.plot else { panic!("a plot") };
+    let names: Vec<&str> = lines.series.iter().map(|series| series.name.as_str()).collect();
+    assert_eq!(names, ["l2 128", "ideal"]);
+    let note = "Left out, having no total at cores 8, which all speedups are relative to: l2 512.";
+    assert_eq!(speedup.notes[1], note);
+}
+
+#[test]
+fn what_has_no_number_says_so() {
+    let all = ["speedup", "power_law", "pareto", "sensitivity"];
+    let points: [(&[Value], f64); 2] = [(&[json!("a")], 8.0), (&[json!("b")], 5.0)];
+    for name in &all[..3] {
+        let notes = finding(&study(&["fidelity"], &all, &points), name).notes;
+        assert!(notes[0].starts_with("Nothing is shown: the values of fidelity are names"), "{notes:?}");
+    }
+    for name in all {
+        let notes = finding(&study(&["cores"], &all, &[]), name).notes;
+        assert!(notes.len() == 1 && notes[0].starts_with("Nothing is shown: no "), "{notes:?}");
+    }
+}
+
+#[test]
 fn an_exact_power_is_found() {
     let points: Vec<([Value; 1], f64)> =
         [1, 2, 4, 8].map(|x| ([json!(x)], 3.0 * f64::from(x).powf(-1.5))).to_vec();

@@ -12,6 +12,7 @@ use crate::base64;
 use crate::digest::Digest;
 use crate::frames::FramesReport;
 use crate::host::HostReport;
+use crate::picture::{ERROR_COLORS, ERROR_SCALE_END};
 use crate::run::RunReport;
 use crate::sheet::{Cell, Sheet};
 
@@ -36,8 +37,22 @@ impl Picture {
     }
 }
 
-/// The page of a run.
-pub fn of_run(report: &RunReport, host: Option<&HostReport>, pictures: &[Picture]) -> String {
+/// Pictures by which a reference judges that of a run.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Judged {
+    /// The picture as the reference has it.
+    pub truth: Picture,
+    /// Where the two differ, as [`crate::picture::error_png`] draws it.
+    pub difference: Picture,
+}
+
+/// The page of a run. Of `pictures`, the one titled `shaded` is compared with those of `judged`.
+pub fn of_run(
+    report: &RunReport,
+    host: Option<&HostReport>,
+    pictures: &[Picture],
+    judged: Option<&Judged>,
+) -> String {
     let title = format!("{} on {}", report.scene.name, report.machine.name);
     let data = serde_json::json!({
         "kind": "run",
@@ -46,6 +61,8 @@ pub fn of_run(report: &RunReport, host: Option<&HostReport>, pictures: &[Picture
         "presets": presets([report].into_iter()),
         "host": host,
         "pictures": pictures,
+        "judged": judged,
+        "scale": {"end": ERROR_SCALE_END, "dark": ERROR_COLORS[0], "light": ERROR_COLORS[1]},
     });
     page(&title, &data)
 }
@@ -143,7 +160,7 @@ mod tests {
     #[test]
     fn a_page_needs_no_network_and_holds_its_report() {
         let report = sample::timed();
-        let html = of_run(&report, None, &[Picture::png("picture", b"not really")]);
+        let html = of_run(&report, None, &[Picture::png("picture", b"not really")], None);
         let plain = html.replace("http://www.w3.org/2000/svg", "");
         assert!(!plain.contains("http://") && !plain.contains("https://") && !plain.contains("{{"));
         let start = html.find("id=\"data\">").expect("the data") + "id=\"data\">".len();
@@ -171,7 +188,7 @@ mod tests {
     fn names_cannot_end_the_script() {
         let mut report = sample::timed();
         report.scene.name = "</script><script>alert(1)</script>{{data}}".to_owned();
-        let html = of_run(&report, None, &[]);
+        let html = of_run(&report, None, &[], None);
         assert!(!html.contains("<script>alert"), "a name became a script");
     }
 

@@ -112,7 +112,8 @@ function stackSection(report) {
   });
   const draw = (relative) => holder.replaceChildren(stackedBars(rows, relative));
   draw(false);
-  const numbers = table(["phase", ...CAUSES.map(label)], report.phases.map((phase) => [phase.title, ...CAUSES.map((cause) => phase.cycle_stack[cause])]));
+  // As many rows as causes: so many columns would be wider than the page.
+  const numbers = table(["cause", ...report.phases.map((phase) => phase.id)], CAUSES.map((cause) => [label(cause), ...report.phases.map((phase) => phase.cycle_stack[cause])]));
   return section("Where the cycles went", choice(["in time", "in percent"], (index) => draw(index === 1)), holder, legend(CAUSES, COLORS),
     element("details", {}, element("summary", {}, "core-cycles by cause"), numbers),
     note("Every core-cycle has one cause: an instruction issued, or what the thread that issued next had waited for."));
@@ -209,7 +210,9 @@ function pictureSection(pictures, title = "Picture") {
   const image = element("img", { alt: pictures[0].title, src: pictures[0].url });
   const frame = element("div", { class: "picture" }, image);
   let zoom = 0;
-  const size = () => { image.style.width = zoom === 0 ? "auto" : `${image.naturalWidth * zoom}px`; image.style.maxWidth = zoom === 0 ? "100%" : "none"; };
+  // Fitted pictures fill the frame, up or down, as far as all of them can be seen.
+  const fitted = () => (image.naturalHeight ? `min(100%, ${(76 * image.naturalWidth) / image.naturalHeight}vh)` : "auto");
+  const size = () => { image.style.width = zoom === 0 ? fitted() : `${image.naturalWidth * zoom}px`; };
   const zooms = [0, 1, 2, 4, 8];
   image.addEventListener("load", size);
   size();
@@ -219,14 +222,87 @@ function pictureSection(pictures, title = "Picture") {
   return section(title, which, tools, frame);
 }
 
+// How right the picture is: its measures, and it and the truth under one slider, which mouse, finger and keys move.
+function errorSection(report, pictures, judged) {
+  const error = report.image.error;
+  if (!error) return null;
+  const measures = [
+    ["mean", error.mean, "Atty et al. 2006: all differences, divided by the number of pixels in shadow or penumbra"],
+    ["rmse", error.rmse, "root mean square over pixels in shadow or penumbra in either picture"],
+    ["p99", error.p99, "99 % of these pixels are off by no more"],
+    ["max", error.max, "greatest difference of a pixel"],
+    ["off by more than 0.25", error.off_by_quarter, "part of these pixels"],
+    ["bias", error.bias, "as the mean, with signs: above 0, the picture is too light"],
+    ["mean of the reference", error.reference_mean, "the reference's own error, from what two halves of its rays differ by"],
+    ["rmse of the reference", error.reference_rmse, "the same, root mean square"],
+  ];
+  const parts = [note(`Parts of the light, against ${grouped(error.samples)} shadow rays a receiver; ${grouped(error.shadowed_receivers)} receivers in shadow or penumbra.`), table(["error", "value", "what"], measures)];
+  const ours = (pictures || []).find((picture) => picture.title === "shaded");
+  if (!judged || !ours) return section("How right the picture is", ...parts);
+
+  const layers = { ours: ours.url, truth: judged.truth.url, difference: judged.difference.url };
+  const pairs = [["ours", "truth"], ["ours", "difference"], ["truth", "difference"]];
+  const [under, over] = ["under", "over"].map((name) => element("img", { class: name, alt: name, draggable: "false" }));
+  const stack = element("div", { class: "layers" }, under, over, element("i", {}));
+  const frame = element("div", { class: "picture wipe fit" }, stack);
+  const slider = element("input", { type: "range", min: 0, max: 100, step: 1, value: 50, "aria-label": "Where one picture ends and the other begins", input: () => move(Number(slider.value)) });
+  const [left, right] = [element("span", {}), element("span", {})];
+  const move = (at) => {
+    const percent = Math.min(100, Math.max(0, at));
+    slider.value = percent;
+    frame.style.setProperty("--at", `${percent}%`);
+    slider.setAttribute("aria-valuetext", `${Math.round(percent)} % ${left.textContent}, the rest ${right.textContent}`);
+  };
+  const show = ([a, b]) => {
+    [over.src, over.alt, left.textContent] = [layers[a], a, a];
+    [under.src, under.alt, right.textContent] = [layers[b], b, b];
+    move(Number(slider.value));
+  };
+  // On the picture itself too, unless it is zoomed and a drag scrolls it.
+  const drag = (event) => {
+    const box = stack.getBoundingClientRect();
+    if (frame.classList.contains("fit") && box.width > 0) move((100 * (event.clientX - box.left)) / box.width);
+  };
+  stack.addEventListener("pointerdown", (event) => { if (event.isPrimary) drag(event); });
+  stack.addEventListener("pointermove", (event) => { if (event.isPrimary && event.buttons & 1) drag(event); });
+  let zoom = 0;
+  const size = () => {
+    frame.classList.toggle("fit", zoom === 0);
+    for (const image of [under, over]) { image.style.width = zoom === 0 ? (image === over ? "100%" : "auto") : `${image.naturalWidth * zoom}px`; image.style.maxWidth = zoom === 0 ? "100%" : "none"; }
+  };
+  for (const image of [under, over]) image.addEventListener("load", size);
+  const zooms = [0, 1, 2, 4, 8];
+  const tools = choice(zooms.map((factor) => (factor === 0 ? "fit" : `${factor}\u00d7`)), (index) => { zoom = zooms[index]; size(); });
+  size();
+  show(pairs[0]);
+  const color = (c) => `rgb(${c.join(",")})`;
+  const bar = element("div", {});
+  bar.style.background = `linear-gradient(to right, ${[...[...data.scale.dark].reverse(), ...data.scale.light.slice(1)].map(color).join(", ")})`;
+  const end = data.scale.end;
+  const scale = element("div", { class: "scale", role: "img", "aria-label": `Colors of the difference: blue too dark, orange too light, brightest at ${end} or more` }, bar,
+    element("p", { class: "soft" }, ...[`${end} or more too dark`, "right", `${end} or more too light`].map((text) => element("span", {}, text))));
+  return section("How right the picture is", ...parts, choice(pairs.map((pair) => pair.join(" | ")), (index) => show(pairs[index])), tools,
+    element("div", { class: "ends" }, left, slider, right), frame, note("Colors of the difference:"), scale);
+}
+
 function provenanceSection(report) {
   const rows = [...flatten(report.provenance, "provenance"), ...flatten(report.scene, "scene"), ...flatten(report.image, "image"), ...flatten(data.kind === "run" ? data.host : null, "host")];
   return section("Where this is from", element("details", {}, element("summary", {}, "scene, hashes, versions, host"), table(["what", "value"], rows.map(([path, value]) => [path, String(typeof value === "object" ? JSON.stringify(value) : value)]))));
 }
 
 function validationSection(report) {
-  if (!report.model_error) return null;
-  return section("How far to trust it", table(["what", "value"], flatten(report.model_error).map(([path, value]) => [path, String(value)])));
+  const error = report.model_error;
+  // It is of times, which a functional run has none of.
+  if (!error || report.total.cycles === null) return null;
+  const rows = [
+    ["validated", `${error.machine} at fidelity ${error.fidelity}`],
+    ["published figures of high confidence", error.rows],
+    ["of these in the range of their sources", error.inside],
+    ["mean error, %", error.mean_error_percent],
+    ["worst error, %", error.worst_error_percent],
+    ["mean error of figures that nothing was fitted to, %", error.held_out_mean_error_percent],
+  ];
+  return section("How far to trust it", table(["what", "value"], rows), note("Times of other machines and fidelities rest on the same model with other parameters."));
 }
 
 function runSections(report, pictures) {
@@ -236,8 +312,8 @@ function runSections(report, pictures) {
     changed.length ? note(`Differs from the shipped ${report.machine.name}: ${changed.map(([path, value]) => `${path} ${value}`).join(", ")}.`) : null,
     ...report.warnings.map((warning) => element("p", { class: "error" }, `Warning: ${warning.message}.`)),
     figures([["milliseconds a frame", total.ms === null ? null : short(total.ms)], ["frames a second", total.fps === null ? null : short(total.fps)],
-      ["ms of the paper's phases", total.paper_ms === null ? null : short(total.paper_ms)], ["mean visibility", report.image.mean_visibility === null ? null : short(report.image.mean_visibility)], ["receivers in penumbra", grouped(report.image.penumbra_receivers)]]),
-    phaseTable(report), pictureSection(pictures), stackSection(report), coresSection(report), ...lanesSection(report), rooflineSection(report), memorySection(report), configSection(report), validationSection(report), provenanceSection(report),
+      ["ms of the paper's phases", total.paper_ms === null ? null : short(total.paper_ms)], ["mean visibility", report.image.mean_visibility === null ? null : short(report.image.mean_visibility)], ["receivers in penumbra", grouped(report.image.penumbra_receivers)], ["mean error by the reference", report.image.error ? short(report.image.error.mean) : null]]),
+    phaseTable(report), pictureSection(pictures), errorSection(report, pictures, data.judged), stackSection(report), coresSection(report), ...lanesSection(report), rooflineSection(report), memorySection(report), configSection(report), validationSection(report), provenanceSection(report),
   ].filter((part) => part !== null);
 }
 

@@ -8,6 +8,9 @@ use super::scale::Scale;
 /// Left, top, right, bottom of the paper between the axes; names of the series stand to the right of it.
 const FRAME: (f64, f64, f64, f64) = (70.0, 72.0, 660.0, 460.0);
 
+/// Room for the name of each series, which many series share out.
+const NAME_ROOM: f64 = 22.0;
+
 /// Letters of a name at most.
 const NAME_MAX: usize = 27;
 
@@ -51,6 +54,8 @@ pub enum Look {
     Line,
     /// A dashed line without points: a reference.
     Dashed,
+    /// A dashed line without points, in the color of the series before it: what fits that.
+    Fit,
     /// The series is drawn as points alone.
     Dots,
 }
@@ -83,16 +88,21 @@ impl Lines {
         canvas.words(&self.y.label, (left - 50.0, top - 18.0), Anchor::Left, 1.0);
 
         // Series, and their names in the same order.
-        for (index, series) in self.series.iter().enumerate() {
+        let room = (f64::from(SIZE.1) - top - 16.0) / self.series.len().max(1) as f64;
+        let mut index = 0;
+        for (row, series) in self.series.iter().enumerate() {
+            if row > 0 && series.look != Look::Fit {
+                index += 1;
+            }
             let points: Vec<(f64, f64)> = series.points.iter().map(|point| place(*point)).collect();
-            let name = (right + 22.0, top + 8.0 + index as f64 * 22.0);
+            let name = (right + 22.0, top + 8.0 + row as f64 * room.min(NAME_ROOM));
             let sample = [name, (name.0 + 26.0, name.1)];
             if series.look != Look::Dots {
-                let dashed = series.look == Look::Dashed;
+                let dashed = matches!(series.look, Look::Dashed | Look::Fit);
                 canvas.line(&points, color(index), 2.0, dashed);
                 canvas.line(&sample, color(index), 2.0, dashed);
             }
-            if series.look != Look::Dashed {
+            if matches!(series.look, Look::Line | Look::Dots) {
                 points.iter().for_each(|point| canvas.marker(*point, index));
                 canvas.marker((name.0 + 13.0, name.1), index);
             }

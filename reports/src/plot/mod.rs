@@ -105,6 +105,30 @@ mod tests {
     }
 
     #[test]
+    fn a_fit_has_the_color_of_what_it_fits_and_every_name_its_place() {
+        let series = |look, y: f64| Series {
+            name: format!("series {y}"),
+            look,
+            points: vec![(1.0, y), (2.0, y + 1.0)],
+        };
+        let pair = |i| [series(Look::Dots, f64::from(i)), series(Look::Fit, f64::from(i) + 0.5)];
+        let axis = Axis::default();
+        let svg = |count: i32| {
+            let series = (0..count).flat_map(pair).collect();
+            Plot::Lines(Lines { title: String::new(), x: axis.clone(), y: axis.clone(), series })
+                .svg_without_font()
+        };
+        // The second pair is blue, and there is no third color.
+        assert!(svg(2).contains("#0072B2") && !svg(2).contains("#D55E00"), "{}", svg(2));
+        let many = svg(40);
+        let heights = many.split("<text ").skip(1).filter(|text| text.contains("series")).map(|text| {
+            let (_, rest) = text.split_once(" y=\"").expect("a place");
+            rest.split('"').next().and_then(|y| y.parse::<f64>().ok()).expect("a number")
+        });
+        assert!(heights.fold(0.0, f64::max) < f64::from(SIZE.1), "a name is below the plot");
+    }
+
+    #[test]
     fn pixels_have_ink_and_paper() {
         let picture = image::load_from_memory(&plot().png()).expect("a PNG").to_luma8();
         assert_eq!(picture.dimensions(), (SIZE.0 * PNG_SCALE, SIZE.1 * PNG_SCALE));

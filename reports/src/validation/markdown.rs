@@ -1,6 +1,7 @@
 //! `validation.md`.
 
 use super::{Row, Validation, figure};
+use crate::sheet::signed;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
@@ -75,7 +76,7 @@ impl Validation {
                 figure(row.low),
                 figure(row.high),
                 row.simulated.map_or_else(String::new, figure),
-                row.error_percent.map_or_else(String::new, |error| format!("{error:+.1} %")),
+                row.error_percent.map_or_else(String::new, |error| format!("{} %", signed(error, 1))),
                 row.confidence,
                 row.note,
             );

@@ -10,6 +10,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::fmt::Write;
 
+use crate::sheet::signed;
+
 pub use plots::{bandwidth_plot, latency_plot, scatter_plot};
 
 /// One published figure beside what the machine gives.
@@ -168,7 +170,8 @@ impl Validation {
         for row in &self.rows {
             let allowed = format!("{} to {}", figure(row.low), figure(row.high));
             let simulated = row.simulated.map_or_else(|| "-".to_owned(), figure);
-            let error = row.error_percent.map_or_else(|| "-".to_owned(), |error| format!("{error:+.1} %"));
+            let error =
+                row.error_percent.map_or_else(|| "-".to_owned(), |error| format!("{} %", signed(error, 1)));
             let _ = writeln!(
                 text,
                 "{:width$} {} {:>10}  {allowed:>21}  {simulated:>10}  {error:>8}  {:4}  {} {}",

@@ -31,13 +31,19 @@ pub const RUNTIME_LINES: u32 = 64;
 /// First byte that [`Arena::overwritten`] gives out.
 const FIRST_FREE_BYTE: u64 = RUNTIME_LINES as u64 * LINE_BYTES;
 
-/// First of the line numbers that stand for stacks. Stacks hold spilled registers and values on their way between lanes
-/// and scalars, so they have numbers (for caches to hold) but no bytes here. Those of a hardware thread begin
+/// First of the line numbers that stand for stacks. Stacks hold spilled registers, values on their way between lanes
+/// and scalars, and what kernels put there, so they have numbers (for caches to hold) but no bytes here. Those of a hardware thread begin
 /// `hardware thread * STACK_LINES` behind; see [`StreamLine`](crate::stream::StreamLine).
 pub const STACK_BASE_LINE: u32 = 0xf000_0000;
 
+/// Lines of one hardware thread's stack that hold transfers and spills; what kernels put there lies behind them.
+pub const STACK_OWN_LINES: u32 = 64;
+
+/// Vectors that a kernel can put on its hardware thread's stack.
+pub const STACK_SLOTS: u32 = 256;
+
 /// Lines of one hardware thread's stack.
-pub const STACK_LINES: u32 = 64;
+pub const STACK_LINES: u32 = STACK_OWN_LINES + STACK_SLOTS;
 
 /// What debug builds fill arrays with: a signalling NaN, which no operation returns, and a number far outside of any array.
 pub const POISON: u32 = 0x7fad_dead;
@@ -256,6 +262,13 @@ impl Arena {
             self.write_u32(addr.plus(4 * i as u64), value.to_bits());
         }
         addr
+    }
+
+    /// Gives back all arrays from byte `first` on, which [`Arena::used_bytes`] was before the first of them: those to come lie
+    /// where they lay.
+    pub fn give_back(&mut self, first: u64) {
+        assert!((FIRST_FREE_BYTE..=self.used_bytes).contains(&first), "byte {first} was not given out");
+        self.used_bytes = first;
     }
 
     /// Bytes that [`Arena::overwritten`] has given out so far, those of the runtime included.

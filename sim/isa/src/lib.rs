@@ -42,4 +42,4 @@ pub use program::{Ordering, Phase, Runner, Step, StepSource, Stopped, TaskSource
 pub use spill::VECTOR_REGISTERS;
 pub use stream::{Place, Stream, StreamLine};
 pub use uop::{Class, Uop};
-pub use vpu::{Compare, Vpu};
+pub use vpu::{Compare, Stacked, Vpu};

@@ -87,13 +87,25 @@ pub fn choose(
     text: &str,
     entries: impl Iterator<Item = Entry> + Clone,
 ) -> Result<(usize, Options), ChoiceError> {
-    let (name, options) = text.split_once(':').unwrap_or((text, ""));
+    let (name, options) = match text.split_once(':') {
+        Some((name, options)) => (name, Some(options)),
+        None => (text, None),
+    };
     let found = entries.clone().enumerate().find(|(_, entry)| entry.name == name);
     let Some((number, entry)) = found else {
         let names: Vec<&str> = entries.map(|entry| entry.name).collect();
         return Err(ChoiceError(format!("`{name}` is no {kind}; it must be {}", list(&names))));
     };
-    Ok((number, entry.options(options)?))
+    if options == Some("") {
+        let right = match entry.options {
+            [] => String::new(),
+            specs => format!(", or {} after it", forms(specs)),
+        };
+        return Err(ChoiceError(format!(
+            "`{text}` has no option after its colon; it must be `{name}`{right}"
+        )));
+    }
+    Ok((number, entry.options(options.unwrap_or_default())?))
 }
 
 impl Entry {
@@ -103,22 +115,18 @@ impl Entry {
     /// [`ChoiceError`] where the entry does not take these options.
     pub fn options(&self, text: &str) -> Result<Options, ChoiceError> {
         let mut values: Vec<Option<Value>> = vec![None; self.options.len()];
-        for written in text.split(',').filter(|written| !written.is_empty()) {
-            let found = written.split_once('=').and_then(|(name, value)| {
-                let number = self.options.iter().position(|spec| spec.name == name)?;
-                Some((number, value))
-            });
-            let Some((number, value)) = found else {
-                let right = self.forms();
-                return Err(ChoiceError(format!("`{written}` is no option of `{}`; {right}", self.name)));
-            };
-            let spec = &self.options[number];
-            let parsed = spec.values.parse(value).ok_or_else(|| {
-                let (option, of, right) = (spec.name, self.name, spec.values);
-                ChoiceError(format!("`{option}` of `{of}` is `{value}`; it must be {right}"))
-            })?;
-            if values[number].replace(parsed).is_some() {
-                return Err(ChoiceError(format!("`{}` of `{}` is there twice", spec.name, self.name)));
+        // No text is no options; an option that is no text is a slip.
+        for written in text.split(',').filter(|_| !text.is_empty()) {
+            if written.is_empty() {
+                let right = self.right();
+                return Err(ChoiceError(format!(
+                    "`{text}` has a comma without an option beside it; {right}"
+                )));
+            }
+            let (number, value) = self.option(written)?;
+            if values[number].replace(value).is_some() {
+                let (option, of) = (self.options[number].name, self.name);
+                return Err(ChoiceError(format!("`{option}` of `{of}` is there twice")));
             }
         }
         let or_default = |(value, spec): (Option<Value>, &OptionSpec)| {
@@ -132,12 +140,40 @@ impl Entry {
         })
     }
 
+    /// These `options` of the entry with the one that `written`, `KEY=VALUE`, gives in place of what it was.
+    ///
+    /// # Errors
+    /// [`ChoiceError`] where the entry does not take this option.
+    pub fn with_option(&self, mut options: Options, written: &str) -> Result<Options, ChoiceError> {
+        let (number, value) = self.option(written)?;
+        options.values[number] = value;
+        Ok(options)
+    }
+
+    /// The number of the option that `written`, `KEY=VALUE`, gives, and its value.
+    fn option(&self, written: &str) -> Result<(usize, Value), ChoiceError> {
+        let of = self.name;
+        let (name, value) = written.split_once('=').unwrap_or((written, ""));
+        let Some(number) = self.options.iter().position(|spec| spec.name == name) else {
+            let right = self.right();
+            return Err(ChoiceError(format!("`{written}` is no option of `{of}`; {right}")));
+        };
+        let right = self.options[number].values;
+        if value.is_empty() {
+            return Err(ChoiceError(format!(
+                "`{name}` of `{of}` has no value; `{name}=` must be followed by {right}"
+            )));
+        }
+        let parsed = right.parse(value);
+        let wrong = || ChoiceError(format!("`{name}` of `{of}` is `{value}`; it must be {right}"));
+        Ok((number, parsed.ok_or_else(wrong)?))
+    }
+
     /// Which options there are, as a clause: "it must be `form=…` or `lights=…`".
-    fn forms(&self) -> String {
-        let forms: Vec<String> = self.options.iter().map(|spec| format!("{}=…", spec.name)).collect();
-        match forms.is_empty() {
-            true => "it takes none".to_owned(),
-            false => format!("it must be {}", list(&forms)),
+    fn right(&self) -> String {
+        match self.options {
+            [] => "it takes none".to_owned(),
+            specs => format!("it must be {}", forms(specs)),
         }
     }
 }
@@ -203,6 +239,19 @@ impl Options {
         }
     }
 
+    /// The name of each option and its value, as users write them.
+    pub fn written(&self) -> impl Iterator<Item = (&'static str, String)> {
+        self.specs.iter().zip(&self.values).map(|(spec, value)| {
+            let text = match (*value, spec.values) {
+                (Value::Word(number), Values::OneOf(words)) => words[number].name.to_owned(),
+                (Value::Word(number), _) => unreachable!("word {number} of an option without words"),
+                (Value::Whole(number), _) => number.to_string(),
+                (Value::Number(number), _) => number.to_string(),
+            };
+            (spec.name, text)
+        })
+    }
+
     fn value(&self, option: &str) -> Value {
         let number = self.specs.iter().position(|spec| spec.name == option);
         self.values[number.unwrap_or_else(|| panic!("there is no option `{option}`"))]
@@ -212,18 +261,14 @@ impl Options {
 /// All options with their values, as they can be written: `form=exact,lights=4`.
 impl fmt::Display for Options {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for (i, (spec, value)) in self.specs.iter().zip(&self.values).enumerate() {
-            let comma = if i == 0 { "" } else { "," };
-            write!(f, "{comma}{}=", spec.name)?;
-            match (*value, spec.values) {
-                (Value::Word(number), Values::OneOf(words)) => f.write_str(words[number].name)?,
-                (Value::Word(number), _) => unreachable!("word {number} of an option without words"),
-                (Value::Whole(number), _) => write!(f, "{number}")?,
-                (Value::Number(number), _) => write!(f, "{number}")?,
-            }
-        }
-        Ok(())
+        let each: Vec<String> = self.written().map(|(name, value)| format!("{name}={value}")).collect();
+        f.write_str(&each.join(","))
     }
+}
+
+/// Options as a sentence lists them: "`form=…` or `lights=…`".
+fn forms(specs: &[OptionSpec]) -> String {
+    list(&specs.iter().map(|spec| format!("{}=…", spec.name)).collect::<Vec<_>>())
 }
 
 /// Names as a sentence lists them: "`a`, `b` or `c`".
@@ -273,11 +318,13 @@ mod tests {
         assert_eq!((number, options.word("leaf"), options.whole("cups")), (1, 1, 3));
         assert_eq!(options.number("heat"), 0.9);
         assert_eq!(options.to_string(), "leaf=black,cups=3,heat=0.9");
-        assert_eq!(chosen(&format!("brew:{options}")), Ok((number, options)));
+        assert_eq!(chosen(&format!("brew:{options}")), Ok((number, options.clone())));
         assert_eq!(
-            chosen("rest:").map(|(number, options)| (number, options.to_string())),
+            chosen("rest").map(|(number, options)| (number, options.to_string())),
             Ok((0, String::new()))
         );
+        let more = BREW.with_option(options, "cups=4").expect("an option");
+        assert_eq!(more.to_string(), "leaf=black,cups=4,heat=0.9");
     }
 
     #[test]
@@ -285,8 +332,26 @@ mod tests {
         for (text, message) in [
             ("", "`` is no way; it must be `rest` or `brew`"),
             ("brow:cups=3", "`brow` is no way; it must be `rest` or `brew`"),
+            ("rest:", "`rest:` has no option after its colon; it must be `rest`"),
+            (
+                "brew:",
+                "`brew:` has no option after its colon; it must be `brew`, or `leaf=…`, `cups=…` or `heat=…` after it",
+            ),
+            (
+                "brew:,,",
+                "`,,` has a comma without an option beside it; it must be `leaf=…`, `cups=…` or `heat=…`",
+            ),
+            (
+                "brew:cups=3,",
+                "`cups=3,` has a comma without an option beside it; it must be `leaf=…`, `cups=…` or `heat=…`",
+            ),
             ("rest:long", "`long` is no option of `rest`; it takes none"),
             ("brew:cup=3", "`cup=3` is no option of `brew`; it must be `leaf=…`, `cups=…` or `heat=…`"),
+            ("brew:leaf", "`leaf` of `brew` has no value; `leaf=` must be followed by `green` or `black`"),
+            (
+                "brew:cups=",
+                "`cups` of `brew` has no value; `cups=` must be followed by a whole number from 1 to 12",
+            ),
             ("brew:leaf=red", "`leaf` of `brew` is `red`; it must be `green` or `black`"),
             ("brew:cups=0", "`cups` of `brew` is `0`; it must be a whole number from 1 to 12"),
             ("brew:heat=nan", "`heat` of `brew` is `nan`; it must be a number from 0.5 to 1"),

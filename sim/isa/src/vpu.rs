@@ -12,6 +12,13 @@
 
 use crate::arena::Addr;
 
+/// A vector on a thread's stack, which takes no register: [`Vpu::vstack_i32`] puts it there.
+#[derive(Debug, Clone, Copy)]
+pub struct Stacked<T> {
+    pub(crate) slot: u32,
+    pub(crate) value: T,
+}
+
 /// How two scalars are compared before a branch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Compare {
@@ -211,6 +218,12 @@ macro_rules! define_vpu {
             fn vextract(&mut self, a: Self::I32, lane: u32) -> Self::S32;
             /// The scalar in every lane: through memory, as on the chip (a scalar store and a broadcast load).
             fn vsplat(&mut self, a: Self::S32) -> Self::I32;
+            /// Puts `a` into slot `slot` of the thread's stack, below
+            /// [`STACK_SLOTS`](crate::arena::STACK_SLOTS): a store of one line. What comes back is for
+            /// [`vunstack_i32`](Vpu::vunstack_i32); a slot holds what was put there last.
+            fn vstack_i32(&mut self, slot: u32, a: Self::I32) -> Stacked<Self::I32>;
+            /// What was put on the stack: a load of one line.
+            fn vunstack_i32(&mut self, a: Stacked<Self::I32>) -> Self::I32;
 
             // ---- masks
 

@@ -3,7 +3,7 @@
 use crate::chip::Chip;
 use crate::config::MachineSpec;
 use crate::timing::{Timing, Untimed};
-use lrbsim_isa::options::{self, ChoiceError, Entry};
+use lrbsim_isa::options::{self, ChoiceError, Entry, Options};
 use std::fmt;
 use std::str::FromStr;
 
@@ -19,20 +19,28 @@ pub enum Fidelity {
     Cycle,
 }
 
-/// What users choose a fidelity by, in the order of [`Fidelity::ALL`]: from the fastest to the most exact.
-pub const LEVELS: [Entry; 3] = [
-    Entry { name: "functional", about: "picture and operation counts, no time", options: &[] },
-    Entry {
-        name: "windowed",
-        about: "all uops: cores alone for a window of time, then what they asked for",
-        options: &[],
-    },
-    Entry { name: "cycle", about: "the reference: one cycle at a time, everything in order", options: &[] },
-];
-
 impl Fidelity {
-    /// All levels, from the fastest to the most exact.
+    /// All levels, from the fastest to the most exact; those that take options with the defaults.
     pub const ALL: [Fidelity; 3] = [Fidelity::Functional, Fidelity::Windowed, Fidelity::Cycle];
+
+    /// What users choose this level by: its name, and the options that it takes.
+    pub fn entry(self) -> Entry {
+        let (name, about) = match self {
+            Fidelity::Functional => ("functional", "picture and operation counts, no time"),
+            Fidelity::Windowed => {
+                ("windowed", "all uops: cores alone for a window of time, then what they asked for")
+            }
+            Fidelity::Cycle => ("cycle", "the reference: one cycle at a time, everything in order"),
+        };
+        Entry { name, about, options: &[] }
+    }
+
+    /// This level as `options`, which are those of its entry, set it.
+    fn with(self, _options: &Options) -> Fidelity {
+        match self {
+            Fidelity::Functional | Fidelity::Windowed | Fidelity::Cycle => self,
+        }
+    }
 
     /// Whether results have times.
     pub fn is_timed(self) -> bool {
@@ -53,14 +61,18 @@ impl FromStr for Fidelity {
     type Err = ChoiceError;
 
     fn from_str(text: &str) -> Result<Fidelity, ChoiceError> {
-        let (number, _) = options::choose("fidelity", text, LEVELS.into_iter())?;
-        Ok(Fidelity::ALL[number])
+        let entries = Fidelity::ALL.into_iter().map(Fidelity::entry);
+        let (number, options) = options::choose("fidelity", text, entries)?;
+        Ok(Fidelity::ALL[number].with(&options))
     }
 }
 
+/// The level with all of its options, as `--fidelity` takes it.
 impl fmt::Display for Fidelity {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(LEVELS[*self as usize].name)
+        match self {
+            Fidelity::Functional | Fidelity::Windowed | Fidelity::Cycle => f.write_str(self.entry().name),
+        }
     }
 }
 

@@ -8,7 +8,7 @@
 //! CACHE/ab/ab12….json       a finished point, as of any study
 //! ```
 //!
-//! A worker knows of no cluster; what runs workers, [`slurm`] or a list of [`commands()`], knows of no point.
+//! A worker knows of no cluster; what runs workers, Slurm or whatever takes a list of commands, knows of no point.
 
 mod commands;
 mod plan;

@@ -9,12 +9,11 @@ use serde::{Deserialize, Serialize};
 use super::super::cache::{Cache, Claim, Entry};
 use super::super::crew::Store;
 use super::super::run::StudyProgress;
-use super::super::work::{Fault, Task};
+use super::super::work::{Fault, FaultOf, Task};
 use super::plan::Basis;
 use crate::error::BadInput;
-use crate::host::node;
+use crate::host::{node, partial};
 use crate::progress::Quiet;
-use crate::results::safe_name;
 
 /// Seconds that a worker waits for another that computes a point: as long as servers of network file systems keep locks of
 /// hosts that have died. Later it computes the point too, which harms nobody.
@@ -91,6 +90,10 @@ impl Store for PlanStore<'_> {
         }
     }
 
+    fn folder(&self) -> &Path {
+        self.cache.folder()
+    }
+
     fn keep(&self, claim: &Claim, task: &Task, outcome: Result<&mut Entry, &Fault>) -> Result<(), BadInput> {
         match outcome {
             Ok(entry) => {
@@ -98,8 +101,10 @@ impl Store for PlanStore<'_> {
                 claim.finish(entry)?;
                 self.log.say(&format!("point {} took {:.3} s", task.point, entry.host.seconds));
             }
-            Err(fault) if fault.changed => {
-                self.changed.store(true, Ordering::Relaxed);
+            Err(fault) if fault.of != FaultOf::Point => {
+                if fault.of == FaultOf::Files {
+                    self.changed.store(true, Ordering::Relaxed);
+                }
                 return Err(BadInput::new(format!("point {}: {}", task.point, fault.message)));
             }
             Err(fault) => {
@@ -107,8 +112,7 @@ impl Store for PlanStore<'_> {
                     Failure { key: task.key.clone(), node: self.node(), error: fault.message.clone() };
                 let text = serde_json::to_string(&failure).expect("a failure has string keys");
                 let path = self.failed.join(format!("{}.json", task.key));
-                let own = format!("{}-{}.partial", safe_name(&node()), std::process::id());
-                write_with_temporary(&path, &path.with_extension(own), text.as_bytes())?;
+                write_with_temporary(&path, &partial(&path), text.as_bytes())?;
                 self.log.say(&format!("point {} failed: {}", task.point, fault.message));
             }
         }

@@ -9,7 +9,7 @@ use crate::mesh::Mesh;
 
 /// Which faces of a body count as layers between receiver and light [algorithms, §2.4].
 ///
-/// Two sums are kept, F and B, and the coverage of a receiver is `min(max(|F|, |B|), 1)`. A body that is closed
+/// Two sums are kept, F and B, and the coverage of a receiver is `min(max(|F|, |B|, |F - B|), 1)`. A body that is closed
 /// would darken twice if both its front and its back counted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]

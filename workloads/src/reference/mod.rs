@@ -1,6 +1,6 @@
 //! What shadows should look like, computed on the host in f64: the truths that kernels are compared with.
 //!
-//! * [`shadow_rays`]: many rays per receiver; right for any scene, with noise.
+//! * [`Truth`]: many shadow rays per receiver; right for any scene, with noise, whose size it tells.
 //! * [`Occluders`]: the `exact` form of the soft irregular shadow map, every edge against every receiver, no grid.
 //!   Kernels differ from it by rounding only; it differs from the rays by the method's own errors.
 //! * [`ErrorMetrics`]: how far one picture is from another.
@@ -17,5 +17,5 @@ mod tests;
 pub use hard::{HardHit, hard_test};
 pub use metrics::ErrorMetrics;
 pub use occluders::{Occluders, Projection};
-pub use rays::{Rays, shadow_rays};
+pub use rays::{Rays, Truth, shadow_rays, spiral};
 pub use segment::area_beyond;

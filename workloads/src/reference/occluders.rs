@@ -55,6 +55,19 @@ impl Projection {
         (self.foot + DVec2::new(q.dot(u), q.dot(v)) * stretch) / self.radius
     }
 
+    /// Part of the disc beyond the plane through the receiver across `normal`, seen from the middle of the disc.
+    fn beyond_plane(&self, normal: DVec3) -> f64 {
+        let slope = DVec2::new(normal.dot(self.basis[0]), normal.dot(self.basis[1]));
+        let distance = self.p.dot(normal) / (self.radius * slope.length());
+        // Also false for a plane that the disc lies in, or no plane.
+        if !(distance.abs() < 1.0) {
+            return 0.0;
+        }
+        let across = slope.normalize();
+        let foot = across * distance;
+        area_beyond(foot - across.perp() * 2.0, foot + across.perp() * 2.0)
+    }
+
     /// The edge on the disc, clipped between receiver and light; `None` if nothing is left.
     fn edge(&self, v0: DVec3, v1: DVec3) -> Option<[DVec2; 2]> {
         let (q0, q1) = (v0 - self.p, v1 - self.p);
@@ -75,8 +88,8 @@ impl Projection {
     }
 }
 
+#[derive(Clone, Copy)]
 struct Face {
-    id: u32,
     index: [u32; 3],
     front: i32,
     back: i32,
@@ -90,6 +103,7 @@ struct Silhouette {
 /// All that casts shadows, about a light at the origin, in f64.
 pub struct Occluders {
     vertices: Vec<DVec3>,
+    /// All faces, by number; those that are no layer have no weight.
     faces: Vec<Face>,
     edges: Vec<Silhouette>,
     radius: f64,
@@ -150,12 +164,11 @@ impl Occluders {
             .collect();
         let faces = triangles
             .iter()
-            .zip(0_u32..)
-            .map(|(&index, id)| {
-                let (front, back) = counts(counting[id as usize], det[id as usize]);
-                Face { id, index, front, back }
+            .zip(counting.iter().zip(&det))
+            .map(|(&index, (&counting, &det))| {
+                let (front, back) = counts(counting, det);
+                Face { index, front, back }
             })
-            .filter(|face| face.front != 0 || face.back != 0)
             .collect();
         let edges = edges
             .iter()
@@ -184,7 +197,10 @@ impl Occluders {
     pub fn sums(&self, p: DVec3, own: u32) -> (f64, f64) {
         let (mut front, mut back) = (0.0, 0.0);
         // Umbra: layers between receiver and the middle of the light.
-        for face in self.faces.iter().filter(|face| face.id != own) {
+        for (face, id) in self.faces.iter().zip(0_u32..) {
+            if id == own || (face.front == 0 && face.back == 0) {
+                continue;
+            }
             let v = face.index.map(|v| self.vertices[v as usize]);
             if let Some(hit) = hard_test(v, face.index, p)
                 && hit.inside
@@ -208,18 +224,71 @@ impl Occluders {
                     back += signed * f64::from(edge.weights.back);
                 }
             }
+            // The own triangle is no layer, but its edges are among these: it takes away what lies beyond its horizon.
+            if let Some(face) = self.faces.get(own as usize) {
+                let [a, b, c] = face.index.map(|v| self.vertices[v as usize]);
+                let area = projection.beyond_plane((b - a).cross(c - a));
+                front += area * f64::from(face.front);
+                back += area * f64::from(face.back);
+            }
         }
         (front, back)
     }
 
-    /// Covered part of the light, in [0, 1], at receiver `p`: `min(max(|F|, |B|), 1)`.
+    /// How many of some samples of the light, on the unit disc that receiver `p` sees, are covered: those before which there
+    /// is a layer of F or of B. Counts each by itself: layers before the middle of the light, and from there one more or
+    /// less at each silhouette that the way to the sample crosses.
+    #[must_use]
+    pub fn covered_samples(&self, p: DVec3, own: u32, places: &[DVec2]) -> usize {
+        let mut middle = EdgeWeights::default();
+        for (face, _) in self.faces.iter().zip(0_u32..).filter(|(_, id)| *id != own) {
+            let v = face.index.map(|v| self.vertices[v as usize]);
+            let hit = hard_test(v, face.index, p).filter(|hit| hit.inside && hit.t > 0.0);
+            if hit.is_some_and(|hit| hit.t < greatest_t(v)) && (face.front, face.back) != (0, 0) {
+                middle.front += face.front;
+                middle.back += face.back;
+            }
+        }
+        let mut counts = vec![middle; places.len()];
+        let projection = Projection::new(p, self.radius, self.normal);
+        for edge in &self.edges {
+            let [v0, v1] = edge.v.map(|v| self.vertices[v as usize]);
+            let Some([a, b]) = projection.edge(v0, v1) else { continue };
+            let left = is_left(p, v0, v1);
+            let step = if left { -1 } else { 1 };
+            for (place, count) in places.iter().zip(&mut counts) {
+                let between = (a.perp_dot(*place) >= 0.0) != (b.perp_dot(*place) >= 0.0);
+                let is_left_on_disc = (b - a).perp_dot(*place - a) > 0.0;
+                if between && is_left_on_disc == left {
+                    count.front += step * edge.weights.front;
+                    count.back += step * edge.weights.back;
+                }
+            }
+        }
+        if let Some(face) = self.faces.get(own as usize) {
+            let [a, b, c] = face.index.map(|v| self.vertices[v as usize]);
+            let normal = (b - a).cross(c - a);
+            let slope = DVec2::from(projection.basis.map(|side| normal.dot(side))) * self.radius;
+            let middle = -p.dot(normal);
+            for (place, count) in places.iter().zip(&mut counts) {
+                if (middle + slope.dot(*place)) * middle < 0.0 {
+                    count.front += face.front;
+                    count.back += face.back;
+                }
+            }
+        }
+        counts.iter().filter(|count| count.is_silhouette()).count()
+    }
+
+    /// Covered part of the light, in [0, 1], at receiver `p`: `min(max(|F|, |B|, |F - B|), 1)`.
     ///
     /// A sum is negative where the receiver and the middle of the light lie on one side of a face that covers part of
-    /// the light: from the receiver the face runs the other way round. Its size is what it covers.
+    /// the light: from the receiver the face runs the other way round. Its size is what it covers; where the other sum is
+    /// positive, something else covers that.
     #[must_use]
     pub fn coverage_at(&self, p: DVec3, own: u32) -> f64 {
         let (front, back) = self.sums(p, own);
-        front.abs().max(back.abs()).min(1.0)
+        front.abs().max(back.abs()).max((front - back).abs()).min(1.0)
     }
 
     /// Visible part of the light, in [0, 1], at receiver `p`.

@@ -149,10 +149,201 @@ fn the_metric_agrees_with_the_oracles() {
 
 #[test]
 fn a_metric_reports_tail_and_bias() {
-    let metrics = ErrorMetrics::new(&[1.0, 0.5, 0.0], &[1.0, 0.25, 0.5]);
-    assert_eq!(metrics.max, 0.5);
-    assert_eq!(metrics.off_by_quarter, 1);
-    assert!((metrics.bias - 0.25 / 3.0).abs() < 1e-15);
+    // The first receiver is lit in both, the second is darkened, the last two are in shadow.
+    let metrics = ErrorMetrics::new(&[1.0, 1.0, 0.5, 0.0], &[1.0, 0.75, 0.25, 0.5]);
+    assert_eq!((metrics.shadowed, metrics.in_question), (2, 3));
+    assert_eq!((metrics.max, metrics.p99, metrics.off_by_quarter), (0.5, 0.5, 1));
+    assert_eq!((metrics.atty_mae, metrics.bias, metrics.mean), (0.5, 0.0, 0.25));
+    assert!((metrics.rmse - (0.375_f64 / 3.0).sqrt()).abs() < 1e-15);
+    let none = ErrorMetrics::new(&[1.0, 1.0], &[1.0, 1.0]);
+    assert_eq!(none, ErrorMetrics::default());
+    // Atty's measure is 0 without shadows; the others are not.
+    let darkened = ErrorMetrics::new(&[1.0, 1.0], &[1.0, 0.5]);
+    assert_eq!((darkened.atty_mae, darkened.rmse, darkened.max), (0.0, 0.5, 0.5));
+}
+
+/// Receivers at these points, on no triangle.
+fn receivers(points: Vec<DVec3>) -> EyeView {
+    let count = points.len() as u32;
+    EyeView {
+        width: count,
+        height: 1,
+        normals: vec![glam::Vec3::Z; points.len()],
+        triangles: vec![u32::MAX; points.len()],
+        pixels: (0..count).collect(),
+        points,
+    }
+}
+
+/// Half a plane at height 2, which covers x > 0.
+fn half_plane() -> Mesh {
+    polygons(&serde_json::json!([[[0, -1e3, 2], [1e3, -1e3, 2], [1e3, 1e3, 2], [0, 1e3, 2]]]))
+}
+
+fn r_m_s(values: impl Iterator<Item = f64>) -> f64 {
+    let squares: Vec<f64> = values.map(|x| x * x).collect();
+    (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
+}
+
+const DISC: Light = Light::Disc { center: DVec3::ZERO, normal: DVec3::Z, radius: 0.5 };
+
+#[test]
+fn with_nothing_between_or_everything_covered_the_truth_is_exact() {
+    let mesh =
+        polygons(&serde_json::json!([[[-1e3, -1e3, 2], [1e3, -1e3, 2], [1e3, 1e3, 2], [-1e3, 1e3, 2]]]));
+    let light = Light::Sphere { center: DVec3::ZERO, radius: 0.5 };
+    let at = |z: f64| receivers((0..40).map(|i| DVec3::new(f64::from(i) * 0.1, 0.3, z)).collect());
+    for (z, visible) in [(1.9, 1.0), (4.0, 0.0)] {
+        let truth = Truth::new(&mesh, &light, &at(z), 33, &|| ());
+        assert!(truth.visibility().iter().all(|v| *v == visible), "{z}");
+        assert!(truth.doubt().iter().all(|doubt| *doubt == 0.0), "{z}");
+    }
+}
+
+/// Errors in the penumbra of one edge, across which receivers lie evenly, and what the truth says of its own error.
+fn errors_of_one_edge(samples: u32) -> (f64, f64) {
+    let n = 1500;
+    // A receiver twice as far as the edge sees it on the light as far to the other side as it is away from it.
+    let offsets: Vec<f64> = (0..n).map(|i| -1.0 + 2.0 * (f64::from(i) + 0.5) / f64::from(n)).collect();
+    let eye = receivers(offsets.iter().map(|d| DVec3::new(-d * 0.5, 0.0, 4.0)).collect());
+    let truth = Truth::new(&half_plane(), &DISC, &eye, samples, &|| ());
+    let closed = |d: f64| 1.0 - (libm::acos(d) - d * (1.0 - d * d).sqrt()) / core::f64::consts::PI;
+    let off = truth.visibility().into_iter().zip(&offsets).map(|(v, &d)| v - closed(d));
+    (r_m_s(off), r_m_s(truth.doubt().into_iter()))
+}
+
+#[test]
+fn four_times_the_samples_are_nearly_three_times_as_near_and_the_truth_knows_it() {
+    let found: Vec<(f64, f64)> = [64, 256, 1024].map(errors_of_one_edge).to_vec();
+    println!("{found:?}");
+    for (samples, (error, stated)) in [64.0_f64, 256.0, 1024.0].into_iter().zip(&found) {
+        let law = 0.32 * samples.powf(-0.75);
+        assert!((error / law - 1.0).abs() < 0.2, "{samples}: {error}, by the law {law}");
+        assert!((stated / error - 1.0).abs() < 0.2, "{samples}: {error}, stated {stated}");
+    }
+    for pair in found.windows(2) {
+        let fell = pair[0].0 / pair[1].0;
+        assert!((2.4..3.4).contains(&fell), "N^-3/4 is 2.83 times less: {fell}");
+    }
+}
+
+#[test]
+fn rectangles_and_lines_have_their_closed_forms_too() {
+    let half_u = DVec3::new(0.5, 0.0, 0.0);
+    let lights = [
+        Light::Rect { center: DVec3::ZERO, half_u, half_v: DVec3::new(0.0, 0.25, 0.0) },
+        Light::Linear { p0: -half_u, p1: half_u },
+    ];
+    let offsets: Vec<f64> = (0..200).map(|i| -0.995 + f64::from(i) / 100.0).collect();
+    let eye = receivers(offsets.iter().map(|d| DVec3::new(-d * 0.5, 0.1, 4.0)).collect());
+    for light in lights {
+        let truth = Truth::new(&half_plane(), &light, &eye, 1024, &|| ()).visibility();
+        let error = r_m_s(truth.iter().zip(&offsets).map(|(v, d)| v - (1.0 + d) / 2.0));
+        assert!(error < 3e-3, "{light:?}: {error}");
+    }
+}
+
+#[test]
+fn the_truth_does_not_depend_on_host_threads() {
+    let scene = load_scene("tiny", Path::new(".")).expect("tiny is shipped");
+    let eye = EyeView::render(&scene.mesh, &scene.camera, 64, 48);
+    let with = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+        let parts = core::sync::atomic::AtomicUsize::new(0);
+        let count = || _ = parts.fetch_add(1, core::sync::atomic::Ordering::Relaxed);
+        let truth = pool.install(|| Truth::new(&scene.mesh, &scene.light, &eye, 18, &count));
+        assert_eq!(parts.into_inner(), Truth::parts(eye.points.len()));
+        truth
+    };
+    let one = with(1);
+    assert!(with(2) == one && with(7) == one);
+    assert_eq!(Truth::from_hidden(&scene.light, 18, one.hidden().to_vec()), Some(one.clone()));
+    assert_eq!(Truth::from_hidden(&scene.light, 4, one.hidden().to_vec()), None, "more hidden than cast");
+}
+
+/// Triangles that are collected for all rays of a receiver are those that the rays meet one by one.
+#[test]
+fn no_triangle_is_lost_between_receiver_and_light() {
+    for (name, light) in [
+        ("tiny", None),
+        ("cornell", None),
+        ("cornell", Some(Light::Linear { p0: DVec3::new(-0.3, 1.9, 0.1), p1: DVec3::new(0.4, 1.7, 0.0) })),
+        (
+            "cornell",
+            Some(Light::Rect {
+                center: DVec3::new(0.1, 1.9, 0.1),
+                half_u: DVec3::X * 0.3,
+                half_v: DVec3::Z * 0.1,
+            }),
+        ),
+        ("table", Some(Light::Sphere { center: DVec3::new(0.3, 1.5, 0.2), radius: 1e-9 })),
+        ("table", Some(DISC)),
+    ] {
+        let scene = load_scene(name, Path::new(".")).expect("shipped");
+        let light = light.unwrap_or(scene.light);
+        let bvh = crate::Bvh::new(&scene.mesh);
+        let eye = EyeView::render_with(&bvh, &scene.mesh, &scene.camera, 48, 36);
+        let (all, few) = (Rays::new(&light, 16), Rays::new(&light, 1));
+        let mut hidden = 0;
+        for (i, &p) in eye.points.iter().enumerate() {
+            let together = all.hidden(&bvh, p, eye.triangles[i], 0.3);
+            let alone = all.hidden_one_by_one(&bvh, p, eye.triangles[i], 0.3);
+            assert_eq!(together, alone, "{name} {light:?} receiver {i}");
+            hidden += together;
+        }
+        assert!(hidden > 0 && few.count() == 1, "{name} {light:?}");
+    }
+}
+
+/// A floor of two triangles under a lamp that is let into a ceiling: a million scene sizes away, rounding moves both off
+/// their planes, by more than a fixed part of a grazing ray allows for.
+#[test]
+fn the_planes_of_receiver_and_light_shadow_nothing_wherever_they_lie() {
+    for offset in [DVec3::ZERO, DVec3::new(3e6, -7e6, 1e6)] {
+        let tilted =
+            |x: f64, y: f64, z: f64| offset + DVec3::new(x + 0.3 * y, y - 0.3 * x + 0.1 * z, z - 0.1 * y);
+        let quad = |y: f64, size: f64| {
+            [(-size, -size), (size, -size), (size, size), (-size, size)].map(|(x, z)| tilted(x, y, z))
+        };
+        let mut mesh = Mesh::default();
+        for corners in [quad(0.0, 5.0), quad(1.0, 0.3)] {
+            let first = mesh.positions.len() as u32;
+            mesh.positions.extend(corners);
+            mesh.triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
+        }
+        let normal = tilted(0.0, 1.0, 0.0) - offset;
+        let light = Light::Disc { center: tilted(0.0, 1.0, 0.0), normal, radius: 0.1 };
+        let points: Vec<DVec3> = (0..400).map(|i| tilted(-4.9 + 0.0245 * f64::from(i), 0.0, 0.3)).collect();
+        let eye = EyeView { triangles: vec![0; points.len()], ..receivers(points) };
+        let truth = Truth::new(&mesh, &light, &eye, 16, &|| ());
+        let dark = truth.visibility().iter().filter(|v| **v < 1.0).count();
+        assert_eq!(dark, 0, "of 400 at {offset}");
+    }
+}
+
+#[test]
+fn brute_force_agrees_with_the_truth_within_its_own_error() {
+    // One flat convex occluder: nothing overlaps, so that the form is exact.
+    let corners: Vec<[f64; 3]> = (0..5)
+        .map(|k| core::f64::consts::TAU * f64::from(k) / 5.0)
+        .map(|angle| [0.4 * libm::cos(angle), 2.0 + 0.2 * libm::sin(angle), 0.5 * libm::sin(angle)])
+        .collect();
+    let mesh = polygons(&serde_json::json!([corners]));
+    let light = Light::Sphere { center: DVec3::new(0.2, 4.0, 0.1), radius: 0.3 };
+    let points =
+        (0..2500).map(|i| DVec3::new(f64::from(i % 50) * 0.06 - 1.6, 0.0, f64::from(i / 50) * 0.06 - 1.6));
+    let eye = receivers(points.collect());
+    let truth = Truth::new(&mesh, &light, &eye, 256, &|| ());
+    let adjacency = Adjacency::new(&mesh);
+    let exact = Occluders::from_mesh(&mesh, &adjacency, &light);
+    let visible: Vec<f64> =
+        eye.points.iter().map(|&p| exact.visibility_at(p - light.center(), u32::MAX)).collect();
+    let metrics = ErrorMetrics::new(&truth.visibility(), &visible);
+    let doubt = truth.doubt();
+    let stated = (doubt.iter().map(|x| x * x).sum::<f64>() / metrics.in_question as f64).sqrt();
+    println!("{metrics:?}, stated {stated}");
+    assert!(metrics.shadowed > 300 && metrics.rmse < 1.25 * stated, "{metrics:?}, stated {stated}");
+    assert!(metrics.bias.abs() < stated / 4.0, "{metrics:?}, stated {stated}");
 }
 
 #[test]

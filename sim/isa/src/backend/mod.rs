@@ -12,7 +12,7 @@ mod places;
 
 use core::marker::PhantomData;
 
-use crate::arena::{Addr, Arena, Memory, STACK_LINES};
+use crate::arena::{Addr, Arena, Memory, STACK_OWN_LINES, STACK_SLOTS};
 use crate::emit::Emit;
 use crate::lanes::{LANES, Lanes};
 use crate::stream::StreamLine;
@@ -25,7 +25,7 @@ const TRANSFER_SLOTS: u32 = 8;
 pub(crate) const SPILL_SLOT: u32 = TRANSFER_SLOTS;
 
 /// Number of stack slots that hold spilled vector registers.
-pub(crate) const SPILL_SLOTS: u32 = STACK_LINES - TRANSFER_SLOTS;
+pub(crate) const SPILL_SLOTS: u32 = STACK_OWN_LINES - TRANSFER_SLOTS;
 
 /// A value and the uop that produced it.
 #[derive(Debug, Clone, Copy)]
@@ -67,6 +67,13 @@ impl<'a, L: Lanes, E: Emit> Backend<'a, L, E> {
     #[inline(always)]
     fn lane(a: L::I, lane: u32) -> i32 {
         L::to_i(a)[lane as usize % LANES]
+    }
+
+    /// The stack line of what a kernel puts into `slot`.
+    #[inline(always)]
+    fn slot_line(slot: u32) -> StreamLine {
+        assert!(slot < STACK_SLOTS, "slot {slot} of a stack; there are {STACK_SLOTS}");
+        StreamLine::stack(STACK_OWN_LINES + slot)
     }
 
     /// The stack line for the next transfer between lanes and scalars.

@@ -7,7 +7,7 @@ use crate::arena::Addr;
 use crate::emit::Emit;
 use crate::lanes::Lanes;
 use crate::uop::Class;
-use crate::vpu::{Compare, Vpu, for_each_operation};
+use crate::vpu::{Compare, Stacked, Vpu, for_each_operation};
 
 macro_rules! implement_vpu {
     (
@@ -132,6 +132,19 @@ macro_rules! implement_vpu {
                 self.emit.line(line);
                 let id = self.emit.memory(Class::VectorBroadcastLoad, [stored], lines);
                 Value { v: L::splat_i(a.v), id }
+            }
+            #[inline(always)]
+            fn vstack_i32(&mut self, slot: u32, a: Self::I32) -> Stacked<Self::I32> {
+                self.emit.line(Self::slot_line(slot));
+                self.emit.reads([a.id]);
+                let id = self.emit.memory(Class::VectorStore, [a.id], if E::LINES { 1 } else { 0 });
+                Stacked { slot, value: Value { v: a.v, id } }
+            }
+            #[inline(always)]
+            fn vunstack_i32(&mut self, a: Stacked<Self::I32>) -> Self::I32 {
+                self.emit.line(Self::slot_line(a.slot));
+                let lines = if E::LINES { 1 } else { 0 };
+                Value { v: a.value.v, id: self.emit.memory(Class::VectorLoad, [a.value.id], lines) }
             }
 
             #[inline(always)]

@@ -1,0 +1,100 @@
+//! Occluders that overlap on the light: closed forms, and the kernel against counts that are made one by one in f64.
+
+mod common;
+
+use common::{On, Random, Run, back_ends, cases, input, numbers, of_loops, random_scene, shipped, sphere};
+use lrbsim_isa::HostSimd;
+use lrbsim_kernels::sism::Overlap;
+use lrbsim_workloads::glam::{DVec2, Vec3};
+use lrbsim_workloads::reference::{Occluders, spiral};
+use lrbsim_workloads::{Light, ShadowInput};
+
+/// Ways to compare samples of the light, and how many there are.
+const BITS: [(Overlap, u32); 2] = [(Overlap::Bits64, 64), (Overlap::Bits256, 256)];
+
+/// The samples of the light at a pixel: turned as the kernel turns them.
+fn turned(places: &[DVec2], turns: &[DVec2], pixel: u32) -> Vec<DVec2> {
+    let turn = turns[(pixel.wrapping_mul(0x9e37_79b9) >> 28) as usize];
+    places.iter().map(|place| turn.rotate(*place)).collect()
+}
+
+/// Compares the kernel with counts of single samples: nearly all receivers must have the same, none may be far off.
+fn agree(what: &str, input: &ShadowInput) {
+    let occluders = Occluders::from_input(input);
+    let turns: Vec<DVec2> = spiral(16).into_iter().map(|place| place.normalize()).collect();
+    for (overlap, count) in BITS {
+        let places = spiral(count);
+        let found = Run::with(input, overlap, On::Host(HostSimd::detect(), 2)).visibility();
+        let (mut other, mut far) = (0, 0);
+        for (i, found) in found.iter().enumerate() {
+            let p = Vec3::from(input.receivers[i]).as_dvec3();
+            let places = turned(&places, &turns, input.receiver_pixel[i]);
+            let covered = occluders.covered_samples(p, input.receiver_triangle[i], &places);
+            let samples = (f64::from(*found) * f64::from(count) - (f64::from(count) - covered as f64)).abs();
+            other += usize::from(samples > 0.01);
+            far += usize::from(samples > 2.01);
+        }
+        let all = found.len();
+        assert!(
+            other <= all / 50 && far == 0,
+            "{what}, {count} samples: {other} of {all} differ, {far} by more than two"
+        );
+    }
+}
+
+#[test]
+fn random_scenes_have_the_samples_covered_that_are() {
+    for seed in 0..20 {
+        let (mesh, receivers) = random_scene(seed, 400);
+        for radius in [1e-3, 0.02, 0.1, 0.4, 2.0] {
+            agree(&format!("seed {seed}, radius {radius}"), &input(mesh.clone(), sphere(radius), &receivers));
+        }
+        let light = Light::Disc { center: Default::default(), normal: Random(seed).vector(), radius: 0.3 };
+        agree(&format!("disc, seed {seed}"), &input(mesh, light, &receivers));
+    }
+}
+
+#[test]
+fn scenes_have_the_samples_covered_that_are() {
+    for (name, size) in [("tiny", (64, 48)), ("table", (64, 48)), ("saloon-small", (40, 30))] {
+        agree(name, &shipped(name, Some(size)).2);
+    }
+}
+
+/// The oracles know what several occluders hide together, and what the sum of their parts makes of it.
+#[test]
+fn occluders_together_hide_what_the_oracles_say() {
+    for case in cases("overlap") {
+        let polygons: Vec<Vec<DVec2>> = case["inputs"]["polygons"]
+            .as_array()
+            .expect("polygons")
+            .iter()
+            .map(|l| l.as_array().expect("points").iter().map(|p| DVec2::from_slice(&numbers(p))).collect())
+            .collect();
+        let input = of_loops(&polygons, DVec2::ZERO);
+        let expected = |what: &str| case["expected"][what].as_f64().expect("a number");
+        for on in back_ends() {
+            let covered = |overlap| 1.0 - f64::from(Run::with(&input, overlap, on).visibility()[0]);
+            let sum = covered(Overlap::Sum);
+            assert!((sum - expected("sum_clamped")).abs() < 4e-6, "{}: sum {sum}", case["id"]);
+            // What a spiral makes of one edge is 0.27 n^(-3/4) off, root mean square [algorithms, 0].
+            for (overlap, count) in BITS {
+                let off = (covered(overlap) - expected("exact")).abs();
+                let most = 3.0 * 0.27 * f64::from(count).powf(-0.75) * (polygons.len() as f64).sqrt();
+                assert!(off < most, "{}: {count} samples are {off} off, at most {most}", case["id"]);
+            }
+        }
+    }
+}
+
+/// Without a penumbra there is nothing to compare: the picture is that of the sum, bit by bit.
+#[test]
+fn a_point_light_has_one_picture() {
+    let (mesh, receivers) = random_scene(7, 500);
+    let input = input(mesh, sphere(0.0), &receivers);
+    let picture = |overlap| Run::with(&input, overlap, On::Host(HostSimd::detect(), 1)).visibility();
+    let sum = picture(Overlap::Sum);
+    for (overlap, _) in BITS {
+        assert_eq!(picture(overlap), sum);
+    }
+}
