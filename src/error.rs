@@ -12,6 +12,7 @@ pub struct BadInput {
     message: String,
     help: Option<String>,
     place: Option<Box<Place>>,
+    is_passing: bool,
 }
 
 /// A place in a file.
@@ -25,7 +26,7 @@ struct Place {
 impl BadInput {
     /// Bad input without a place in a file.
     pub fn new(message: impl Into<String>) -> BadInput {
-        BadInput { message: message.into(), help: None, place: None }
+        BadInput { message: message.into(), help: None, place: None, is_passing: false }
     }
 
     /// This bad input with a second sentence: what to do about it.
@@ -33,6 +34,19 @@ impl BadInput {
     pub fn with_help(mut self, help: impl Into<String>) -> BadInput {
         self.help = Some(help.into());
         self
+    }
+
+    /// This bad input as one that the host is at fault for, and only for now: with a disk that is not full, or more memory,
+    /// the same would do.
+    #[must_use]
+    pub fn passing(mut self) -> BadInput {
+        self.is_passing = true;
+        self
+    }
+
+    /// Whether the host is at fault, and only for now.
+    pub fn is_passing(&self) -> bool {
+        self.is_passing
     }
 
     /// This bad input with its place in the text of a file: shown with its line and column.
@@ -70,6 +84,6 @@ impl Diagnostic for BadInput {
 
 impl From<lrbsim_reports::files::FileError> for BadInput {
     fn from(error: lrbsim_reports::files::FileError) -> BadInput {
-        BadInput::new(error.to_string())
+        BadInput::new(error.to_string()).passing()
     }
 }

@@ -15,7 +15,7 @@ use lrbsim_workloads::{Adjacency, EyeView, Scene, SceneWarning, ShadowInput, sil
 use crate::algorithm::Algorithm;
 use crate::engine::Engine;
 use crate::error::BadInput;
-use crate::host::{Stopwatch, peak_rss_bytes};
+use crate::host::{Stopwatch, node, peak_rss_bytes};
 use crate::inputs::Machine;
 use crate::progress::Progress;
 use crate::reference::ReferenceRequest;
@@ -138,6 +138,7 @@ pub fn run_frame(request: &RunRequest, progress: &dyn Progress) -> Result<RunOut
     }
     let instructions: u64 = report.phases.iter().map(|phase| phase.instructions.total).sum();
     let host = HostReport {
+        node: node(),
         seconds,
         reference_seconds: reference_cost.map(|(seconds, _)| seconds),
         reference_found: reference_cost.map(|(_, found)| found),
@@ -162,8 +163,8 @@ pub(crate) fn check_warm_frames(frames: u32) -> Result<(), BadInput> {
 /// Runs `work`, and what it runs in parallel, on at most `threads` host threads.
 fn on_host_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> Result<T, BadInput> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-    let pool =
-        pool.map_err(|error| BadInput::new(format!("the host gives no {threads} threads: {error}")))?;
+    let pool = pool
+        .map_err(|error| BadInput::new(format!("the host gives no {threads} threads: {error}")).passing())?;
     Ok(pool.install(work))
 }
 
@@ -217,7 +218,7 @@ fn simulate(
 
 /// A host that is too small for the frame.
 fn no_memory(error: ArenaError) -> BadInput {
-    BadInput::new(error.to_string()).with_help(
+    BadInput::new(error.to_string()).passing().with_help(
         "a smaller image or mesh needs less; so does a host that limits the address space less (`ulimit -v`)",
     )
 }

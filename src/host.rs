@@ -1,6 +1,12 @@
-//! What a run costs the host.
+//! The host: what a run costs it, its name, and the program that runs there.
 
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 use std::time::{Duration, Instant};
+
+use lrbsim_reports::picture::sha256_of_reader;
+
+use crate::results::safe_name;
 
 /// A running stopwatch: the one place where the program looks at a clock.
 #[derive(Debug, Clone, Copy)]
@@ -20,6 +26,31 @@ impl Stopwatch {
     pub fn elapsed(&self) -> Duration {
         self.0.elapsed()
     }
+}
+
+/// Name of this host.
+pub fn node() -> String {
+    gethostname::gethostname().to_string_lossy().into_owned()
+}
+
+/// Last extension of files that are being written.
+pub const PARTIAL: &str = "partial";
+
+/// A name beside `file` that no other process writes to, on this host or another.
+pub fn partial(file: &Path) -> PathBuf {
+    file.with_extension(format!("{}-{}.{PARTIAL}", safe_name(&node()), std::process::id()))
+}
+
+/// SHA-256 of the program that runs here, in hexadecimal: two builds that differ in anything have other hashes. Empty where
+/// the host does not show the program its own file.
+pub fn build() -> &'static str {
+    static BUILD: OnceLock<String> = OnceLock::new();
+    BUILD.get_or_init(|| {
+        // Linux keeps the file that runs, whatever has taken its name since.
+        let running = std::fs::File::open("/proc/self/exe");
+        let file = running.or_else(|_| std::fs::File::open(std::env::current_exe()?));
+        file.and_then(sha256_of_reader).unwrap_or_default()
+    })
 }
 
 /// Greatest resident memory of this process so far; `None` where the host does not tell.

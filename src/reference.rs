@@ -9,7 +9,7 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use lrbsim_reports::files::write_with_temporary;
-use lrbsim_reports::lock::Lock;
+use lrbsim_reports::lock::{Lock, is_without_locks};
 use lrbsim_reports::picture::sha256;
 use lrbsim_reports::run::ImageError;
 use lrbsim_workloads::reference::{ErrorMetrics, Truth};
@@ -18,7 +18,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::BadInput;
 use crate::frame::scene_hash;
-use crate::host::Stopwatch;
+use crate::host::{Stopwatch, partial};
 use crate::progress::Progress;
 
 /// Version of what the rays of a reference find. Raise it whenever the same scene gives other numbers: references of an older
@@ -137,16 +137,23 @@ impl ReferenceRequest {
         let cannot = |error: std::io::Error| {
             BadInput::new(format!("cannot write to the cache `{}`: {error}", folder.display()))
                 .with_help("`--cache` names another folder")
+                .passing()
         };
         std::fs::create_dir_all(file.parent().expect("it lies in a folder")).map_err(cannot)?;
-        let _lock = Lock::wait(&file.with_extension("lock")).map_err(cannot)?;
+        let lock = match Lock::wait(&file.with_extension("lock")) {
+            Ok(lock) => Some(lock),
+            Err(error) if is_without_locks(&error) => None,
+            Err(error) => return Err(cannot(error)),
+        };
         // Whoever held the lock before may have cast it.
         if let Some(found) = find() {
             return Ok(found);
         }
         let made = self.cast(scene, eye, progress);
         let bytes = written(&key, made.truth.hidden(), made.seconds);
-        write_with_temporary(&file, &file.with_extension("partial"), &bytes)?;
+        // Who holds the lock is alone with the usual name; what a killed one left there is written over.
+        let temporary = lock.as_ref().map_or_else(|| partial(&file), |_| file.with_extension("partial"));
+        write_with_temporary(&file, &temporary, &bytes)?;
         Ok(made)
     }
 

@@ -1,11 +1,14 @@
 //! Results that were written earlier: of a run or of a study.
 
+use std::fs::File;
+use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 use lrbsim_reports::RunReport;
 use lrbsim_reports::compare::{Comparison, PictureChange, compare, inputs, picture_change, shortened, sum};
 use lrbsim_reports::sheet::show_value;
-use lrbsim_reports::study::StudyReport;
+use lrbsim_reports::study::{StudyFile, StudyReport};
+use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
@@ -81,7 +84,8 @@ fn read_versioned<T: DeserializeOwned>(shown: &str, text: &str) -> Result<T, Bad
 
 /// Says which results of other inputs are in `folder`, before `report` replaces them.
 pub fn replaced_run(folder: &Path, report: &RunReport) -> Option<String> {
-    replaced(folder, "report.json", |before: &RunReport| {
+    let text = json::text(&folder.join("report.json")).ok()?;
+    said(folder, json::read("report.json", &text).ok(), |before: &RunReport| {
         let differences = inputs(before, report);
         let said: Vec<String> = differences
             .iter()
@@ -97,22 +101,24 @@ pub fn replaced_run(folder: &Path, report: &RunReport) -> Option<String> {
 }
 
 /// Says whether results of another study are in `folder`, before `report` replaces them.
-pub fn replaced_study(folder: &Path, report: &StudyReport) -> Option<String> {
-    replaced(folder, "study.json", |before: &StudyReport| {
-        (before.study != report.study).then(|| "of another study of this name".to_owned())
+pub fn replaced_study(folder: &Path, study: &StudyFile) -> Option<String> {
+    /// What is asked of a study of before; its points, which may be many, are only read past.
+    #[derive(Deserialize)]
+    struct Before {
+        study: StudyFile,
+    }
+    let file = BufReader::new(File::open(folder.join("study.json")).ok()?);
+    said(folder, serde_json::from_reader(file).ok(), |before: &Before| {
+        (before.study != *study).then(|| "of another study of this name".to_owned())
     })
 }
 
-/// What is said of the results `name` in `folder`; `differs` says what they are of, where that is not the same.
-fn replaced<T: DeserializeOwned>(
-    folder: &Path,
-    name: &str,
-    differs: impl Fn(&T) -> Option<String>,
-) -> Option<String> {
-    let text = json::text(&folder.join(name)).ok()?;
-    let what = match json::read(name, &text) {
-        Ok(before) => differs(&before)?,
-        Err(_) => "of another version of lrbsim".to_owned(),
+/// What is said of the results `before` in `folder`, where they can be read; `differs` says what they are of, where that is
+/// not the same.
+fn said<T>(folder: &Path, before: Option<T>, differs: impl Fn(&T) -> Option<String>) -> Option<String> {
+    let what = match before {
+        Some(before) => differs(&before)?,
+        None => "of another version of lrbsim".to_owned(),
     };
     Some(format!("replaced the results {what} in {}; `-o DIR` keeps both", folder.display()))
 }

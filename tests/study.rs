@@ -350,7 +350,16 @@ fn analyses_of_before_do_not_stay_beside_new_ones() {
     folder.run(&["study", "b.json"]).ok();
     assert_eq!(
         names(&folder.path("out/study-small")),
-        ["SHA256SUMS", "report.html", "study.json", "table.csv", "table.md", "table.png", "table.svg"]
+        [
+            "SHA256SUMS",
+            "host.json",
+            "report.html",
+            "study.json",
+            "table.csv",
+            "table.md",
+            "table.png",
+            "table.svg"
+        ]
     );
 }
 
@@ -424,8 +433,8 @@ fn unknown_studies_and_options_are_refused() {
     let folder = Folder::new();
     folder.run(&["study", "core"]).refused(&["`core` is no study", "did you mean `cores`?"]);
     folder.run(&["study", "cores", "-j", "0"]).refused(&["`--jobs` is 0; it must be from 1 to 1024"]);
-    folder.run(&["study", "cores", "--engine", "slurm"]).refused(&["not in this version"]);
-    assert!(!folder.run(&["study", "--help"]).ok().stdout().to_lowercase().contains("slurm"));
+    folder.run(&["study", "cores", "--sbatch-arg=--time=5"]).refused(&["are for a cluster"]);
+    folder.run(&["study", "export", "cores", "--shards", "0"]).refused(&["`--shards` is 0"]);
     folder.write("file", "");
     folder.run(&["study", "cores", "--cache", "file"]).refused(&["cannot create the cache"]);
     folder.run(&["study", "cores", "-o", "file"]).refused(&["cannot create file"]);

@@ -2,12 +2,12 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::io::{self, Write as _};
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
 use crate::lock::Lock;
-use crate::picture::sha256;
+use crate::picture::{Hashing, sha256};
 
 /// Why results could not be written.
 #[derive(Debug, thiserror::Error)]
@@ -127,11 +127,34 @@ impl ResultDir {
 
     /// Stages one file; `name` may not contain a separator.
     pub fn stage(&mut self, name: &str, bytes: &[u8]) -> Result<(), FileError> {
+        self.stage_with(name, |file| file.write_all(bytes))
+    }
+
+    /// Stages one file that `write` writes bit by bit: it need not be in memory as a whole.
+    pub fn stage_with(
+        &mut self,
+        name: &str,
+        write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+    ) -> Result<(), FileError> {
         let path = self.staging()?.join(name);
-        write_whole(&path, bytes)
-            .map_err(|error| FileError::new("cannot write", &self.target.join(name), error))?;
-        self.staged.push((name.to_owned(), sha256(bytes)));
+        let staged = || {
+            let mut out = Hashing::new(io::BufWriter::new(fs::File::create(&path)?));
+            write(&mut out)?;
+            let (out, hash) = out.end();
+            out.into_inner()?.sync_all()?;
+            Ok(hash)
+        };
+        let hash =
+            staged().map_err(|error| FileError::new("cannot write", &self.target.join(name), error))?;
+        self.staged.push((name.to_owned(), hash));
         Ok(())
+    }
+
+    /// Has the file that was staged first put in place after all others.
+    pub fn first_goes_last(&mut self) {
+        if !self.staged.is_empty() {
+            self.staged.rotate_left(1);
+        }
     }
 
     /// The staging folder, created when it is first asked for.

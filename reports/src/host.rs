@@ -7,6 +7,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HostReport {
+    /// Name of the host that ran, or of the node of a cluster.
+    pub node: String,
     /// Seconds from the loaded scene to the last simulated cycle, eye view included, reference not.
     pub seconds: f64,
     /// Seconds that casting the reference's shadow rays took, or once took where they were found in the cache; null where

@@ -4,7 +4,7 @@
 //! RunReport ─► report.json        the whole result; everything else is drawn from it
 //!           └► table              terminal text, as Table 2 of Johnson et al. 2009
 //! StudyReport ─► study.json     everything that came out of a study
-//!           └► analysis         tables and plots of it
+//!           └► digest           what is kept of it in memory ─► analysis: tables and plots, page
 //! picture   ─► image.png, visibility.png, the hash that names a picture
 //! npy       ─► dumps
 //! Validation ─► rows of published and simulated figures
@@ -19,6 +19,7 @@ pub mod base64;
 pub mod compare;
 pub mod counters;
 pub mod dictionary;
+pub mod digest;
 pub mod files;
 pub mod frames;
 #[cfg(test)]
@@ -38,5 +39,6 @@ pub mod study;
 pub mod table;
 pub mod validation;
 
+pub use digest::Digest;
 pub use host::HostReport;
 pub use run::RunReport;

@@ -1,31 +1,39 @@
 //! Numbers of a report by their path, such as `total.ms` or `phases.soft.l2.misses`.
 
+use std::collections::BTreeMap;
+
 use serde_json::Value;
 
 use crate::run::RunReport;
 
-/// A report as a tree whose numbers have paths: phases are found by their id.
+/// Some numbers of a report by their path: phases are found by their id.
 #[derive(Debug, Clone)]
-pub struct Numbers(Value);
+pub struct Numbers(BTreeMap<String, f64>);
 
 impl Numbers {
-    /// The numbers of a report.
-    pub fn of(report: &RunReport) -> Numbers {
-        Numbers(serde_json::to_value(report).expect("a report has string keys"))
+    /// The numbers of a report at `paths`. No others are kept: a study holds those of all of its points at once.
+    pub fn of<'a>(report: &RunReport, paths: impl Iterator<Item = &'a str>) -> Numbers {
+        let tree = serde_json::to_value(report).expect("a report has string keys");
+        Numbers(paths.filter_map(|path| Some((path.to_owned(), number(&tree, path)?))).collect())
     }
 
-    /// The number at `path`; `None` when it was not measured or is not there.
+    /// The number at `path`; `None` when it was not measured, is not there, or was not asked for.
     pub fn get(&self, path: &str) -> Option<f64> {
-        let mut place = &self.0;
-        for name in path.split('.') {
-            place = match place {
-                Value::Object(members) => members.get(name)?,
-                Value::Array(rows) => rows.iter().find(|row| row["id"] == name)?,
-                _ => return None,
-            };
-        }
-        place.as_f64()
+        self.0.get(path).copied()
     }
+}
+
+/// The number at `path` of a report as a tree.
+fn number(tree: &Value, path: &str) -> Option<f64> {
+    let mut place = tree;
+    for name in path.split('.') {
+        place = match place {
+            Value::Object(members) => members.get(name)?,
+            Value::Array(rows) => rows.iter().find(|row| row["id"] == name)?,
+            _ => return None,
+        };
+    }
+    place.as_f64()
 }
 
 /// The title of a path for people, with its unit.
@@ -50,14 +58,17 @@ mod tests {
 
     #[test]
     fn numbers_are_found_by_path() {
-        let numbers = Numbers::of(&sample::timed());
+        let known = ["total.ms", "phases.soft.cycles", "phases.soft.l2.misses", "machine.cores"];
+        let unknown = ["total.nothing", "phases.none.ms", "total", "scene.name", ""];
+        let numbers = Numbers::of(&sample::timed(), known.into_iter().chain(unknown));
         assert_eq!(numbers.get("total.ms"), Some(10.0));
         assert_eq!(numbers.get("phases.soft.cycles"), Some(6e6));
         assert_eq!(numbers.get("phases.soft.l2.misses"), Some(76.0));
         assert_eq!(numbers.get("machine.cores"), Some(24.0));
-        for path in ["total.nothing", "phases.none.ms", "total", "scene.name", ""] {
+        for path in unknown {
             assert_eq!(numbers.get(path), None, "{path}");
         }
+        assert_eq!(numbers.get("total.cycles"), None, "it was not asked for");
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Pictures of a frame, and the number that names one.
 
-use std::io::Cursor;
+use std::io::{self, Cursor};
 
 use sha2::{Digest as _, Sha256};
 
@@ -33,6 +33,42 @@ pub fn sha256_of_visibility(values: &[f32]) -> String {
 /// SHA-256 of bytes, in hexadecimal.
 pub fn sha256(bytes: &[u8]) -> String {
     hex(&Sha256::digest(bytes))
+}
+
+/// SHA-256, in hexadecimal, of everything that `bytes` has to read.
+pub fn sha256_of_reader(mut bytes: impl io::Read) -> io::Result<String> {
+    let mut hashing = Hashing::new(io::sink());
+    io::copy(&mut bytes, &mut hashing)?;
+    Ok(hashing.end().1)
+}
+
+/// A writer that hashes what it passes on.
+pub(crate) struct Hashing<W> {
+    out: W,
+    hasher: Sha256,
+}
+
+impl<W: io::Write> Hashing<W> {
+    pub(crate) fn new(out: W) -> Hashing<W> {
+        Hashing { out, hasher: Sha256::new() }
+    }
+
+    /// What it wrote to, and the SHA-256 of all that was written, in hexadecimal.
+    pub(crate) fn end(self) -> (W, String) {
+        (self.out, hex(&self.hasher.finalize()))
+    }
+}
+
+impl<W: io::Write> io::Write for Hashing<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = self.out.write(bytes)?;
+        self.hasher.update(&bytes[..written]);
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.out.flush()
+    }
 }
 
 fn hex(digest: &[u8]) -> String {

@@ -4,9 +4,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::BTreeMap;
+use std::io::{self, Write};
 
-use crate::run::{RunReport, Warning};
-use crate::table::counted;
+use crate::host::HostReport;
+use crate::run::RunReport;
 
 /// Version of the layout of [`StudyReport`].
 pub const STUDY_SCHEMA_VERSION: u32 = 1;
@@ -227,42 +228,92 @@ pub struct StudyPoint {
     pub report: Option<RunReport>,
 }
 
-impl StudyReport {
-    /// The bytes of `study.json`: a point a line.
+/// What a study cost the hosts that ran it: `host.json` beside `study.json`, which it is no part of.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct StudyHosts {
+    /// The points that have a report, in the order of the study.
+    pub points: Vec<PointHost>,
+}
+
+/// What one point of a study cost the host that ran it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PointHost {
+    /// Hash of everything that determines the point, as in `study.json`.
+    pub key: String,
+    /// SHA-256 of the program that ran the point.
+    pub build: String,
+    /// What the run of the point cost.
+    pub host: HostReport,
+}
+
+impl StudyHosts {
+    /// The bytes of `host.json`: a point a line.
     pub fn to_json(&self) -> String {
-        let compact = |value: &StudyPoint| serde_json::to_string(value).expect("a point has string keys");
-        let head = StudyReport { points: Vec::new(), ..self.clone() };
-        let mut text = serde_json::to_string_pretty(&head).expect("a study has string keys");
-        let points: Vec<String> =
-            self.points.iter().map(|point| format!("\n    {}", compact(point))).collect();
-        let empty = text.rfind("[]").expect("the points come last, and were taken out");
-        text.replace_range(empty..empty + 2, &format!("[{}\n  ]", points.join(",")));
-        text.push('\n');
-        text
+        let line = |point| serde_json::to_string(point).expect("a point has string keys");
+        let points: Vec<String> = self.points.iter().map(|point| format!("\n    {}", line(point))).collect();
+        format!("{{\n  \"points\": [{}\n  ]\n}}\n", points.join(","))
+    }
+}
+
+impl StudyReport {
+    /// The study with none of its points.
+    pub fn without_points(&self) -> StudyReport {
+        StudyReport {
+            schema_version: self.schema_version,
+            lrbsim_version: self.lrbsim_version.clone(),
+            semantics: self.semantics,
+            study: self.study.clone(),
+            points: Vec::new(),
+        }
     }
 
-    /// What makes points suspicious: a line for each kind of warning, with the number of points that carry it.
-    pub fn warnings(&self) -> Vec<String> {
-        let reports = || self.points.iter().filter_map(|point| point.report.as_ref());
-        let mut first: Vec<&Warning> = Vec::new();
-        for warning in reports().flat_map(|report| &report.warnings) {
-            if first.iter().all(|known| known.kind != warning.kind) {
-                first.push(warning);
-            }
-        }
-        let line = |Warning { kind, message }: &Warning| {
-            let carries = |report: &&RunReport| report.warnings.iter().any(|warning| warning.kind == *kind);
-            format!(
-                "warning at {} of {}: {message}",
-                reports().filter(carries).count(),
-                counted(self.points.len() as u64, "point")
-            )
-        };
-        first.into_iter().map(line).collect()
+    /// The bytes of `study.json`: a point a line.
+    pub fn to_json(&self) -> String {
+        let mut bytes = Vec::new();
+        let mut writer = StudyWriter::begin(&mut bytes, self).expect("memory can be written");
+        self.points.iter().try_for_each(|point| writer.point(point)).expect("memory can be written");
+        writer.end().expect("memory can be written");
+        String::from_utf8(bytes).expect("JSON is UTF-8")
     }
 
     /// The report of the point with `values`.
     pub fn at(&self, values: &[Value]) -> Option<&RunReport> {
         self.points.iter().find(|point| point.values == values)?.report.as_ref()
+    }
+}
+
+/// Writes `study.json` point by point: a study may have more of them than fit in memory.
+#[derive(Debug)]
+pub struct StudyWriter<W> {
+    out: W,
+    /// What stands between the last point that was written and the next.
+    gap: &'static str,
+    /// What follows the points.
+    tail: String,
+}
+
+impl<W: Write> StudyWriter<W> {
+    /// Begins with everything of `study` but its points.
+    pub fn begin(mut out: W, study: &StudyReport) -> io::Result<StudyWriter<W>> {
+        let head = study.without_points();
+        let text = serde_json::to_string_pretty(&head).expect("a study has string keys");
+        let (head, tail) = text.rsplit_once("[]").expect("the points come last, and were taken out");
+        write!(out, "{head}[")?;
+        Ok(StudyWriter { out, gap: "", tail: tail.to_owned() })
+    }
+
+    /// Writes the next point, on a line.
+    pub fn point(&mut self, point: &StudyPoint) -> io::Result<()> {
+        write!(self.out, "{}\n    ", self.gap)?;
+        self.gap = ",";
+        serde_json::to_writer(&mut self.out, point).map_err(io::Error::from)
+    }
+
+    /// Writes what follows the points.
+    pub fn end(mut self) -> io::Result<()> {
+        writeln!(self.out, "\n  ]{}", self.tail)?;
+        self.out.flush()
     }
 }

@@ -7,11 +7,16 @@ const INTERRUPTED: i32 = 130;
 
 /// On an interrupt, does `last` and ends the process with nothing half written: what is being written is finished
 /// first.
-pub(crate) fn on_interrupt(mut last: impl FnMut() + Send + 'static) {
+pub(crate) fn on_interrupt(last: impl FnMut() + Send + 'static) {
+    on_interrupt_exit(INTERRUPTED, last);
+}
+
+/// The same with another exit code.
+pub(crate) fn on_interrupt_exit(code: i32, mut last: impl FnMut() + Send + 'static) {
     let handler = move || {
         last();
         let _nothing_begins = undisturbed();
-        std::process::exit(INTERRUPTED);
+        std::process::exit(code);
     };
     // Without a handler an interrupt still ends the process; what it leaves half, the next results there remove.
     let _ = ctrlc::set_handler(handler);

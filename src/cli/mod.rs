@@ -11,6 +11,7 @@ mod schema;
 mod study;
 mod validate;
 mod verify;
+mod worker;
 
 use std::io::{self, Write};
 use std::process::ExitCode;
@@ -41,6 +42,8 @@ enum Command {
     Run(Box<run::RunArgs>),
     /// Run a study: many points, a table, plots and a page.
     Study(study::StudyArgs),
+    /// Compute a shard of a planned study: what a cluster runs.
+    StudyWorker(worker::WorkerArgs),
     /// Compare two runs or two studies: what changed, by phase and cause.
     Compare(compare::CompareArgs),
     /// Draw report.html, tables and plots of earlier results again, without a simulation.
@@ -63,6 +66,8 @@ enum Command {
 enum Failure {
     Input(BadInput),
     Output(io::Error),
+    /// A worker could not go on; somebody may start it again.
+    Early(BadInput),
 }
 
 impl From<BadInput> for Failure {
@@ -88,6 +93,7 @@ pub(crate) fn main() -> ExitCode {
     let done = match cli.command {
         Command::Run(args) => run::run(&args, out).map(|()| true),
         Command::Study(args) => study::run(&args, out),
+        Command::StudyWorker(args) => worker::run(&args, out).map(|()| true),
         Command::Compare(args) => compare::run(&args, out),
         Command::Report(args) => report::run(&args, out).map(|()| true),
         Command::Validate(args) => validate::run(&args, out),
@@ -105,6 +111,10 @@ pub(crate) fn main() -> ExitCode {
             complain(BadInput::new(format!("cannot write to standard output: {error}")))
         }
         Err(Failure::Input(error)) => complain(error),
+        Err(Failure::Early(error)) => {
+            complain(error);
+            ExitCode::from(worker::STOPPED_EARLY)
+        }
     }
 }
 

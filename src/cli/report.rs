@@ -10,7 +10,7 @@ use lrbsim::{frames, study};
 use lrbsim_reports::files::ResultDir;
 use lrbsim_reports::frames::FramesReport;
 use lrbsim_reports::page::{self, Judged, Picture};
-use lrbsim_reports::{HostReport, RunReport, table};
+use lrbsim_reports::{Digest, HostReport, RunReport, table};
 
 use super::Failure;
 use super::interrupt::on_interrupt;
@@ -51,7 +51,7 @@ pub(crate) fn run(args: &ReportArgs, out: &mut impl Write) -> Result<(), Failure
                 ("table.txt".to_owned(), table::render(report).into_bytes()),
             ]
         }
-        Results::Study(report) => study::drawings(report),
+        Results::Study(report) => study::drawings(&Digest::of(report)),
     };
     write(folder, &files, out)
 }

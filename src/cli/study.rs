@@ -5,11 +5,11 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::sync::Mutex;
 
-use clap::{Args, ValueEnum};
+use clap::{Args, Subcommand, ValueEnum};
 use indicatif::ProgressBar;
 use lrbsim::reference::DEFAULT_CACHE;
 use lrbsim::results::spare_inputs;
-use lrbsim::study::{self, Options, Status, Study, StudyProgress, run_study};
+use lrbsim::study::{self, Options, SlurmOptions, Status, Study, StudyProgress, run_on_slurm, run_study};
 use lrbsim::written::replaced_study;
 use lrbsim::{Algorithm, BadInput};
 use lrbsim_reports::analysis::findings;
@@ -21,14 +21,18 @@ use super::interrupt::on_interrupt;
 use super::progress::{on_standard_error, style};
 
 /// Points at once at most: a host has no more threads.
-const JOBS_MAX: usize = 1024;
+pub(super) const JOBS_MAX: usize = 1024;
 
 #[derive(Debug, Args)]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub(crate) struct StudyArgs {
-    /// A shipped study or a study file (.json); see `lrbsim schema study`.
-    study: PathBuf,
+    #[command(subcommand)]
+    command: Option<StudyCommand>,
 
-    /// Points to run at once, one host thread each [default: the host's threads].
+    #[command(flatten)]
+    what: Option<What>,
+
+    /// Points to run at once, one host thread each [default: the host's threads; 1 in each task of a cluster].
     #[arg(short, long, value_name = "N")]
     jobs: Option<usize>,
 
@@ -36,50 +40,135 @@ pub(crate) struct StudyArgs {
     #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
 
-    /// Folder of finished points, shared by studies.
-    #[arg(long, value_name = "DIR", default_value = DEFAULT_CACHE)]
-    cache: PathBuf,
-
     /// What runs the points.
     #[arg(long, default_value = "local")]
     engine: EngineName,
 
+    /// With `--engine slurm`, a further argument of `sbatch`, such as `--partition=NAME`; may be given again.
+    #[arg(long, value_name = "ARG", allow_hyphen_values = true)]
+    sbatch_arg: Vec<String>,
+
     /// Say first what is finished already. Finished points are never run again, with or without this.
     #[arg(long)]
     resume: bool,
-
-    /// Run a study of more than 10 000 points.
-    #[arg(long)]
-    yes: bool,
 
     /// Print the results as JSON on standard output, and nothing else there.
     #[arg(long)]
     json: bool,
 }
 
+#[derive(Debug, Subcommand)]
+enum StudyCommand {
+    /// Plan a study and print the commands that compute it, for GNU parallel, PBS, LSF, HTCondor or a loop over ssh.
+    Export(ExportArgs),
+}
+
+#[derive(Debug, Args)]
+struct ExportArgs {
+    #[command(flatten)]
+    what: What,
+
+    /// Points that each command runs at once, one host thread each.
+    #[arg(short, long, value_name = "N", default_value_t = 1)]
+    jobs: usize,
+}
+
+/// What is run.
+#[derive(Debug, Args)]
+struct What {
+    /// A shipped study or a study file (.json); see `lrbsim schema study`.
+    study: PathBuf,
+
+    /// Folder of finished points, shared by studies.
+    #[arg(long, value_name = "DIR", default_value = DEFAULT_CACHE)]
+    cache: PathBuf,
+
+    /// On a cluster, shards to cut the study into [default: by forecast cost].
+    #[arg(long, value_name = "N")]
+    shards: Option<usize>,
+
+    /// Run a study of more than 10 000 points.
+    #[arg(long)]
+    yes: bool,
+}
+
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum EngineName {
     /// This machine.
     Local,
-    /// A cluster that runs Slurm: not in this version, and not in its help.
-    #[value(hide = true)]
+    /// A cluster, by the commands of Slurm; see docs/cluster.md.
     Slurm,
 }
 
 pub(crate) fn run(args: &StudyArgs, out: &mut impl Write) -> Result<bool, Failure> {
-    if args.engine == EngineName::Slurm {
-        return Err(BadInput::new("`--engine slurm` is not in this version")
-            .with_help("`--engine local` runs the points on this machine")
+    match (&args.command, &args.what) {
+        (Some(StudyCommand::Export(args)), _) => export(args, out).map(|()| true),
+        (None, Some(what)) => run_points(what, args, out),
+        (None, None) => unreachable!("clap asks for a study where there is no subcommand"),
+    }
+}
+
+/// The number of points at once, if it is one.
+fn sound_jobs(jobs: usize) -> Result<usize, BadInput> {
+    match (1..=JOBS_MAX).contains(&jobs) {
+        true => Ok(jobs),
+        false => Err(BadInput::new(format!("`--jobs` is {jobs}; it must be from 1 to {JOBS_MAX}"))),
+    }
+}
+
+impl What {
+    fn load(&self) -> Result<Study, BadInput> {
+        if self.shards == Some(0) {
+            return Err(BadInput::new("`--shards` is 0; it must be at least 1"));
+        }
+        Study::load(&self.study, self.yes)
+    }
+}
+
+fn export(args: &ExportArgs, out: &mut impl Write) -> Result<(), Failure> {
+    on_interrupt(|| ());
+    let what = &args.what;
+    let options = Options { jobs: sound_jobs(args.jobs)?, cache: what.cache.clone() };
+    let commands = study::commands(&what.load()?, &options, what.shards)?;
+    for line in &commands.lines {
+        writeln!(out, "{line}")?;
+    }
+    // Beside the list, which goes to a file or a program.
+    let (missing, all) = (commands.lines.len(), commands.shards);
+    let _ = writeln!(
+        std::io::stderr(),
+        "{missing} of {all} shards of {} miss points; run these commands anywhere that sees this folder and {}, then `{}` gathers",
+        commands.plan.display(),
+        what.cache.display(),
+        again(what, None)
+    );
+    Ok(())
+}
+
+/// The command that goes on with a study.
+fn again(what: &What, out: Option<&PathBuf>) -> String {
+    let mut again = format!("lrbsim study {}", what.study.display());
+    for (option, folder) in [("-o", out), ("--cache", Some(&what.cache))] {
+        if let Some(folder) = folder.filter(|folder| folder.as_path() != Path::new(DEFAULT_CACHE)) {
+            again += &format!(" {option} {}", folder.display());
+        }
+    }
+    again
+}
+
+fn run_points(what: &What, args: &StudyArgs, out: &mut impl Write) -> Result<bool, Failure> {
+    let slurm = args.engine == EngineName::Slurm;
+    if !slurm && (!args.sbatch_arg.is_empty() || what.shards.is_some()) {
+        return Err(BadInput::new("`--sbatch-arg` and `--shards` are for a cluster")
+            .with_help("add `--engine slurm`, or leave them out")
             .into());
     }
     let jobs = match args.jobs {
+        None if slurm => 1,
         None => std::thread::available_parallelism().map_or(1, |threads| threads.get()),
-        Some(jobs) if (1..=JOBS_MAX).contains(&jobs) => jobs,
-        Some(jobs) => {
-            return Err(BadInput::new(format!("`--jobs` is {jobs}; it must be from 1 to {JOBS_MAX}")).into());
-        }
+        Some(jobs) => sound_jobs(jobs)?,
     };
-    let study = Study::load(&args.study, args.yes)?;
+    let study = what.load()?;
     let target = args.out.clone().unwrap_or_else(|| study::default_dir(&study.file.name));
     let inputs: Vec<PathBuf> = study.path.iter().cloned().collect();
     spare_inputs(&target, &["study.json"], &inputs)?;
@@ -89,42 +178,57 @@ pub(crate) fn run(args: &StudyArgs, out: &mut impl Write) -> Result<bool, Failur
 
     let visible = std::io::stderr().is_terminal();
     let bar = Bar::new(visible, args.resume);
-    let mut again = format!("lrbsim study {}", args.study.display());
-    for (option, folder) in [("-o", args.out.as_ref()), ("--cache", Some(&args.cache))] {
-        if let Some(folder) = folder.filter(|folder| folder.as_path() != Path::new(DEFAULT_CACHE)) {
-            again += &format!(" {option} {}", folder.display());
-        }
+    let mut again = again(what, args.out.as_ref());
+    if slurm {
+        again += " --engine slurm";
+        again.extend(args.jobs.map(|jobs| format!(" -j {jobs}")));
+        again.extend(args.sbatch_arg.iter().map(|arg| format!(" --sbatch-arg={arg}")));
     }
-    bar.on_interrupt(&again, &args.cache);
-    let options = Options { jobs, cache: args.cache.clone() };
-    let output = run_study(&study, &options, &bar)?;
+    let goes_on = if slurm { "tasks go on; " } else { "" };
+    bar.on_interrupt(format!(
+        "{goes_on}finished points are kept in {}; `{again}` goes on from there",
+        what.cache.display()
+    ));
+    let options = Options { jobs, cache: what.cache.clone() };
+    let output = if slurm {
+        let slurm = SlurmOptions { sbatch_args: args.sbatch_arg.clone(), shards: what.shards };
+        match run_on_slurm(&study, &options, &slurm, &bar)? {
+            Some(output) => output,
+            None => return Ok(false),
+        }
+    } else {
+        run_study(&study, &options, &bar)?
+    };
     bar.finish();
 
     let status = output.status;
-    let replaced = replaced_study(&target, &output.report);
-    let paths = study::write(&target, &output.report)?;
-    for warning in output.report.warnings() {
+    let replaced = replaced_study(&target, &output.head.study);
+    let (paths, digest) = output.write(&target)?;
+    for warning in digest.warnings() {
         // Nobody may be reading; the results are the same.
         let _ = writeln!(std::io::stderr(), "{warning}");
     }
     if args.json {
-        out.write_all(output.report.to_json().as_bytes())?;
+        let written = target.join("study.json");
+        let mut file =
+            std::fs::File::open(&written).map_err(|error| BadInput::unreadable(&written, &error))?;
+        std::io::copy(&mut file, out)?;
         return Ok(status.failed == 0);
     }
-    let base = &output.report.study.base;
+    let base = &output.head.study.base;
     let algorithm = Algorithm::from_str(&base.algorithm)?;
     let set: Vec<String> = base.set.iter().map(|(path, value)| format!(", {path} = {value}")).collect();
     writeln!(
         out,
         "Study {}: {} on {}, {}, {}{}\n",
-        output.report.study.name,
+        output.head.study.name,
         base.scene,
         base.machine,
         algorithm.title(),
         base.fidelity,
         set.concat()
     )?;
-    for (index, finding) in findings(&output.report).iter().enumerate() {
+    for (index, finding) in findings(&digest).iter().enumerate() {
         let gap = if index > 0 { "\n" } else { "" };
         writeln!(out, "{gap}{}\n\n{}", finding.title, finding.sheet.terminal())?;
         for note in &finding.notes {
@@ -137,7 +241,7 @@ pub(crate) fn run(args: &StudyArgs, out: &mut impl Write) -> Result<bool, Failur
         counted(status.points as u64, "point"),
         status.computed,
         status.found,
-        args.cache.display(),
+        what.cache.display(),
         status.failed,
         status.seconds
     )?;
@@ -170,9 +274,8 @@ impl Bar {
     }
 
     /// On an interrupt, says what is kept and how to go on.
-    fn on_interrupt(&self, again: &str, cache: &Path) {
+    fn on_interrupt(&self, text: String) {
         let (bar, state) = (self.bar.clone(), self.state.clone());
-        let text = format!("finished points are kept in {}; `{again}` goes on from there", cache.display());
         let handler = move || {
             bar.finish_and_clear();
             let status = state.lock().ok().and_then(|status| *status).unwrap_or_default();
@@ -184,13 +287,16 @@ impl Bar {
 }
 
 impl StudyProgress for Bar {
+    fn say(&self, text: &str) {
+        if self.visible { self.bar.println(text) } else { eprintln!("{text}") }
+    }
+
     fn status(&self, status: &Status) {
         let first = self.state.lock().map(|mut last| last.replace(*status).is_none()).unwrap_or(false);
         if first && self.resume {
             let left = status.points - status.found - status.failed;
             let all = counted(status.points as u64, "point");
-            let text = format!("{} of {all} finished; {left} left", status.found);
-            if self.visible { self.bar.println(text) } else { eprintln!("{text}") }
+            self.say(&format!("{} of {all} finished; {left} left", status.found));
         }
         let done = status.found + status.computed + status.failed;
         self.bar.set_prefix(format!("{done}/{}", counted(status.points as u64, "point")));

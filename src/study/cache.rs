@@ -1,26 +1,50 @@
 //! Finished points, each in a file named by a hash of everything that determines it; studies share them.
 //!
 //! ```text
-//! CACHE/ab/ab12….json      a finished point, whole or not there
-//! CACHE/ab/ab12….lock      held while somebody computes it; the system lets go of it when that process dies
-//! CACHE/ab/ab12….partial   being written, by the holder of the lock alone; what a killed one left is written over
+//! CACHE/ab/ab12….json                 a finished point, whole or not there
+//! CACHE/ab/ab12….lock                 held while somebody computes it; the system lets go of it when that process dies
+//! CACHE/locks/HOST-PID-N.lock         such a file between two points
+//! CACHE/ab/ab12….HOST-PID.partial     being written by this process of this host; what a killed one left is removed by
+//!                                     who finishes the point
 //! ```
+//!
+//! Locks save work and no more: on a file system without locks, or when one outlives its holder, two may compute a point,
+//! and each puts the same whole file in place.
 
+use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+use std::sync::{Arc, Mutex, MutexGuard};
 
-use lrbsim_reports::RunReport;
 use lrbsim_reports::files::write_with_temporary;
 use lrbsim_reports::picture::sha256;
+use lrbsim_reports::{HostReport, RunReport};
 use lrbsim_workloads::Scene;
+use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 
 use crate::error::BadInput;
-use crate::frame::{SEMANTICS, scene_hash};
-use lrbsim_reports::lock::Lock;
+use crate::frame::{RunOutput, SEMANTICS, scene_hash};
+use crate::host::{PARTIAL, build, node, partial};
+use crate::results::safe_name;
+use lrbsim_reports::lock::{Lock, is_without_locks};
 
 /// A folder of finished points.
 #[derive(Debug, Clone)]
-pub struct Cache(PathBuf);
+pub struct Cache {
+    folder: PathBuf,
+    /// Locks that are held for no point at the moment: the next claims take them.
+    spare: Arc<Spare>,
+}
+
+/// Locks between two points, with the folder of their files.
+#[derive(Debug)]
+struct Spare {
+    folder: PathBuf,
+    locks: Mutex<Vec<Lock>>,
+    /// How many files were named so far.
+    named: AtomicUsize,
+}
 
 /// A finished point.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -28,16 +52,40 @@ pub struct Cache(PathBuf);
 pub struct Entry {
     /// Hash of everything that determines it.
     pub key: String,
-    /// Host seconds that the point took: what is known about the cost of others like it.
-    pub host_seconds: f64,
+    /// SHA-256 of the program that computed the point.
+    pub build: String,
+    /// What the point cost the host: what is known about the cost of others like it.
+    pub host: HostReport,
     /// What was measured at the point, without the sources of the machine's numbers.
     pub report: RunReport,
+}
+
+/// What a finished point's file says before its report, which is as large as all reports.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Head {
+    key: String,
+    build: String,
+    host: HostReport,
+    #[serde(rename = "report")]
+    _report: IgnoredAny,
+}
+
+/// What is known of a finished point without its report.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Finished {
+    /// SHA-256 of the program that computed the point.
+    pub build: String,
+    /// Host seconds that the point took.
+    pub seconds: f64,
 }
 
 /// The right to compute a point, until it is dropped. Whoever gets it looks the point up once more.
 pub struct Claim {
     file: PathBuf,
-    _lock: Lock,
+    /// `None` where there is nothing that locks, or nobody was waited for.
+    lock: Option<Lock>,
+    spare: Arc<Spare>,
 }
 
 /// Everything that determines a point, names included: they stand in its report.
@@ -70,7 +118,8 @@ impl Inputs<'_> {
 
 impl Entry {
     /// A point that was run, under the key of what its report says was run.
-    pub fn new(mut report: RunReport, host_seconds: f64) -> Entry {
+    pub fn new(output: RunOutput) -> Entry {
+        let RunOutput { mut report, host, .. } = output;
         report.machine.sources.clear();
         let provenance = &report.provenance;
         let scene = SceneId { name: report.scene.name.clone(), hash: provenance.scene_hash.clone() };
@@ -82,7 +131,7 @@ impl Entry {
             warm_frames: provenance.warm_frames,
             reference: report.image.error.map(|error| error.samples),
         };
-        Entry { key: inputs.key(), host_seconds, report }
+        Entry { key: inputs.key(), build: build().to_owned(), host, report }
     }
 }
 
@@ -107,12 +156,15 @@ impl Cache {
             BadInput::new(format!("cannot create the cache `{}`: {error}", folder.display()))
                 .with_help("`--cache` names another folder")
         })?;
-        Ok(Cache(folder.to_owned()))
+        let spare =
+            Spare { folder: folder.join("locks"), locks: Mutex::default(), named: AtomicUsize::new(0) };
+        spare.clean();
+        Ok(Cache { folder: folder.to_owned(), spare: Arc::new(spare) })
     }
 
     /// The folder of the cache.
     pub fn folder(&self) -> &Path {
-        &self.0
+        &self.folder
     }
 
     /// The finished point of this key. A file that is not sound counts as none: the point is run again.
@@ -121,19 +173,96 @@ impl Cache {
         serde_json::from_str(&text).ok().filter(|entry: &Entry| entry.key == key)
     }
 
+    /// What is known of the finished point of this key without its report: its file is read, and is sound as a whole.
+    pub fn peek(&self, key: &str) -> Option<Finished> {
+        let text = std::fs::read_to_string(self.file(key)).ok()?;
+        let head: Head = serde_json::from_str(&text).ok()?;
+        (head.key == key).then_some(Finished { build: head.build, seconds: head.host.seconds })
+    }
+
     /// Claims a point; `None` while another process or thread computes it.
     pub fn claim(&self, key: &str) -> Result<Option<Claim>, BadInput> {
+        let file = self.place(key)?;
+        let spare = self.spare.clone();
+        match self.spare.lock_at(&file.with_extension("lock")) {
+            Ok(lock) => Ok(lock.map(|lock| Claim { file, lock: Some(lock), spare })),
+            Err(error) if is_without_locks(&error) => Ok(Some(Claim { file, lock: None, spare })),
+            Err(error) => Err(self.cannot_write(&error)),
+        }
+    }
+
+    /// Claims a point whoever else may compute it.
+    pub fn claim_anyway(&self, key: &str) -> Result<Claim, BadInput> {
+        Ok(Claim { file: self.place(key)?, lock: None, spare: self.spare.clone() })
+    }
+
+    /// The file of a point, in a folder that is there.
+    fn place(&self, key: &str) -> Result<PathBuf, BadInput> {
         let file = self.file(key);
-        let cannot = |error: std::io::Error| {
-            BadInput::new(format!("cannot write to the cache `{}`: {error}", self.0.display()))
-        };
-        std::fs::create_dir_all(file.parent().expect("it lies in a folder")).map_err(cannot)?;
-        let lock = Lock::try_now(&file.with_extension("lock")).map_err(cannot)?;
-        Ok(lock.map(|lock| Claim { file, _lock: lock }))
+        let folder = file.parent().expect("it lies in a folder");
+        std::fs::create_dir_all(folder).map_err(|error| self.cannot_write(&error))?;
+        Ok(file)
+    }
+
+    fn cannot_write(&self, error: &io::Error) -> BadInput {
+        BadInput::new(format!("cannot write to the cache `{}`: {error}", self.folder.display()))
     }
 
     fn file(&self, key: &str) -> PathBuf {
-        self.0.join(&key[..2]).join(format!("{key}.json"))
+        self.folder.join(&key[..2]).join(format!("{key}.json"))
+    }
+}
+
+impl Spare {
+    /// The lock at `path`, with a file that is there already if possible; `None` while somebody else holds it.
+    fn lock_at(&self, path: &Path) -> io::Result<Option<Lock>> {
+        let Some(mut lock) = self.locks().pop() else { return Lock::try_now(path) };
+        match lock.move_to(path) {
+            Ok(true) => Ok(Some(lock)),
+            Ok(false) => {
+                self.locks().push(lock);
+                Ok(None)
+            }
+            // There are file systems without links.
+            Err(_) => Lock::try_now(path),
+        }
+    }
+
+    /// Keeps a lock for the next claim. Without a place for it, its file goes.
+    fn keep(&self, mut lock: Lock) {
+        let number = self.named.fetch_add(1, Relaxed);
+        let path = self.folder.join(format!("{}-{}-{number}.lock", safe_name(&node()), std::process::id()));
+        if std::fs::create_dir_all(&self.folder).and_then(|()| lock.rest_at(&path)).is_ok() {
+            self.locks().push(lock);
+        }
+    }
+
+    /// Removes the files that killed processes left, and the folder if that was all there was. Best effort.
+    fn clean(&self) {
+        for entry in std::fs::read_dir(&self.folder).into_iter().flatten().flatten() {
+            // Whoever gets the lock of a file of this kind is alone with it; dropped, it goes.
+            drop(Lock::try_now(&entry.path()));
+        }
+        let _ = std::fs::remove_dir(&self.folder);
+    }
+
+    fn locks(&self) -> MutexGuard<'_, Vec<Lock>> {
+        self.locks.lock().expect("nobody panics with the locks in hand")
+    }
+}
+
+impl Drop for Spare {
+    fn drop(&mut self) {
+        self.locks().clear();
+        let _ = std::fs::remove_dir(&self.folder);
+    }
+}
+
+impl Drop for Claim {
+    fn drop(&mut self) {
+        if let Some(lock) = self.lock.take() {
+            self.spare.keep(lock);
+        }
     }
 }
 
@@ -141,8 +270,26 @@ impl Claim {
     /// Puts the finished point in place.
     pub fn finish(&self, entry: &Entry) -> Result<(), BadInput> {
         let text = serde_json::to_string(entry).expect("an entry has string keys");
-        write_with_temporary(&self.file, &self.file.with_extension("partial"), text.as_bytes())?;
+        let written = write_with_temporary(&self.file, &partial(&self.file), text.as_bytes());
+        // Somebody else may have put the same file in place meanwhile, and removed what he found beside it.
+        if let Err(error) = written {
+            let is_there = error.source.kind() == io::ErrorKind::NotFound && self.file.is_file();
+            return if is_there { Ok(()) } else { Err(error.into()) };
+        }
+        self.clean();
         Ok(())
+    }
+
+    /// Removes what killed processes left beside the finished point. Best effort: it is in nobody's way.
+    fn clean(&self) {
+        let (Some(folder), Some(stem)) = (self.file.parent(), self.file.file_stem()) else { return };
+        for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+            let (name, stem) = (entry.file_name(), stem.to_string_lossy());
+            let name = name.to_string_lossy();
+            if name.ends_with(PARTIAL) && name.split('.').next() == Some(&*stem) {
+                let _ = std::fs::remove_file(entry.path());
+            }
+        }
     }
 }
 
@@ -161,8 +308,10 @@ mod tests {
             reference: None,
             host: HostOptions::default(),
         };
-        let report = run_frame(&request, &Quiet).expect("it runs").report;
-        Entry { key: key.to_owned(), host_seconds: 1.5, report }
+        let mut entry = Entry::new(run_frame(&request, &Quiet).expect("it runs"));
+        entry.key = key.to_owned();
+        entry.host.seconds = 1.5;
+        entry
     }
 
     #[test]
@@ -173,9 +322,33 @@ mod tests {
         let claim = cache.claim("abc").expect("writable").expect("free");
         claim.finish(&entry("abc")).expect("writable");
         drop(claim);
-        assert_eq!(cache.get("abc").expect("finished").host_seconds, 1.5);
+        let found = cache.get("abc").expect("finished");
+        assert_eq!((found.host.seconds, found.build.len()), (1.5, 64));
+        assert_eq!(cache.peek("abc"), Some(Finished { build: found.build, seconds: 1.5 }));
         let names: Vec<_> = std::fs::read_dir(folder.path().join("ab")).expect("there").collect();
         assert_eq!(names.len(), 1, "{names:?}");
+    }
+
+    #[test]
+    fn what_killed_processes_left_goes_when_the_point_is_finished() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let cache = Cache::open(folder.path()).expect("writable");
+        let claim = cache.claim("abc").expect("writable").expect("free");
+        let left = ["abc.a-1.partial", "abcd.a-1.partial"].map(|name| folder.path().join("ab").join(name));
+        left.iter().for_each(|file| std::fs::write(file, "{\"key\"").expect("writable"));
+        claim.finish(&entry("abc")).expect("writable");
+        assert_eq!(left.map(|file| file.exists()), [false, true], "the other is of another point");
+    }
+
+    #[test]
+    fn a_twin_that_does_not_wait_puts_the_same_point_in_place() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let cache = Cache::open(folder.path()).expect("writable");
+        let claim = cache.claim("abc").expect("writable").expect("free");
+        let twin = cache.claim_anyway("abc").expect("writable");
+        twin.finish(&entry("abc")).expect("writable");
+        claim.finish(&entry("abc")).expect("writable");
+        assert!(cache.get("abc").is_some());
     }
 
     #[test]
@@ -194,8 +367,11 @@ mod tests {
         let cache = Cache::open(folder.path()).expect("writable");
         let claim = cache.claim("abc").expect("writable").expect("free");
         claim.finish(&entry("another")).expect("writable");
-        assert!(cache.get("abc").is_none());
-        std::fs::write(folder.path().join("ab/abc.json"), "{\"key\": \"abc\"").expect("writable");
-        assert!(cache.get("abc").is_none());
+        assert!(cache.get("abc").is_none() && cache.peek("abc").is_none());
+        let text = serde_json::to_string(&entry("abc")).expect("string keys");
+        for bytes in [1, 10, text.len() / 2, text.len() - 1] {
+            std::fs::write(folder.path().join("ab/abc.json"), &text[..bytes]).expect("writable");
+            assert!(cache.get("abc").is_none() && cache.peek("abc").is_none(), "{bytes} bytes of it");
+        }
     }
 }

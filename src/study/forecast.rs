@@ -1,5 +1,7 @@
 //! How long the rest of a study takes, also when its points differ a hundredfold in cost.
 
+use std::collections::BTreeMap;
+
 /// What is known about the cost of a study's points.
 ///
 /// A point has an estimate of its work. Host seconds per work are learned from finished points of the same kind; where
@@ -7,12 +9,17 @@
 #[derive(Debug, Clone)]
 pub struct Forecast {
     points: Vec<Cost>,
+    /// What finished points of each kind took. Sums: a study of many points asks many times a second.
+    kinds: Vec<Taken>,
+    /// What all finished points took.
+    all: Taken,
 }
 
 #[derive(Debug, Clone)]
 struct Cost {
     work: f64,
-    kind: String,
+    /// Number of its kind.
+    kind: usize,
     state: State,
 }
 
@@ -21,17 +28,38 @@ enum State {
     Waiting,
     /// The point has been running since this second.
     Running(f64),
-    /// The point took this many seconds.
-    Done(f64),
-    /// The point has no known cost: it failed, or is not run.
-    Gone,
+    /// The point is finished, has failed, or is not run.
+    Over,
+}
+
+/// Seconds that some work took.
+#[derive(Debug, Clone, Copy, Default)]
+struct Taken {
+    seconds: f64,
+    work: f64,
+}
+
+impl Taken {
+    fn add(&mut self, seconds: f64, work: f64) {
+        self.seconds += seconds;
+        self.work += work;
+    }
+
+    fn rate(&self) -> Option<f64> {
+        (self.work > 0.0).then(|| self.seconds / self.work)
+    }
 }
 
 impl Forecast {
     /// Points of known work and kind, none of them begun.
     pub fn new(points: impl Iterator<Item = (f64, String)>) -> Forecast {
-        let cost = |(work, kind)| Cost { work, kind, state: State::Waiting };
-        Forecast { points: points.map(cost).collect() }
+        let mut kinds = BTreeMap::new();
+        let mut cost = |(work, kind)| {
+            let number = kinds.len();
+            Cost { work, kind: *kinds.entry(kind).or_insert(number), state: State::Waiting }
+        };
+        let points = points.map(&mut cost).collect();
+        Forecast { points, kinds: vec![Taken::default(); kinds.len()], all: Taken::default() }
     }
 
     /// A point begins at second `now`.
@@ -41,27 +69,25 @@ impl Forecast {
 
     /// A point took this long, now or earlier.
     pub fn done(&mut self, point: usize, seconds: f64) {
-        self.points[point].state = State::Done(seconds.max(1e-3));
+        let point = &mut self.points[point];
+        point.state = State::Over;
+        let seconds = seconds.max(1e-3);
+        self.kinds[point.kind].add(seconds, point.work);
+        self.all.add(seconds, point.work);
     }
 
-    /// A point will not be run, or has failed.
+    /// A point will not be run, or has failed: its cost is not known.
     pub fn gone(&mut self, point: usize) {
-        self.points[point].state = State::Gone;
+        self.points[point].state = State::Over;
     }
 
     /// Seconds that a point takes; `None` while nothing is finished.
-    fn seconds(&self, point: &Cost) -> Option<f64> {
-        let rate = |alike: &dyn Fn(&Cost) -> bool| {
-            let (mut seconds, mut work) = (0.0, 0.0);
-            for done in self.points.iter().filter(|other| alike(other)) {
-                if let State::Done(took) = done.state {
-                    seconds += took;
-                    work += done.work;
-                }
-            }
-            (work > 0.0).then(|| seconds / work)
-        };
-        Some(point.work * rate(&|other| other.kind == point.kind).or_else(|| rate(&|_| true))?)
+    pub fn seconds(&self, point: usize) -> Option<f64> {
+        self.cost(&self.points[point])
+    }
+
+    fn cost(&self, point: &Cost) -> Option<f64> {
+        Some(point.work * self.kinds[point.kind].rate().or_else(|| self.all.rate())?)
     }
 
     /// Seconds from `now` to the end with `jobs` points at once; `None` while nothing is known.
@@ -69,13 +95,13 @@ impl Forecast {
         let (mut sum, mut longest) = (0.0, 0.0_f64);
         for point in &self.points {
             let left = match point.state {
-                State::Waiting => self.seconds(point)?,
+                State::Waiting => self.cost(point)?,
                 // A point that takes longer than was thought is believed to be nearly done, never to be done.
                 State::Running(since) => {
-                    let whole = self.seconds(point)?;
+                    let whole = self.cost(point)?;
                     (whole - (now - since)).max(whole * 0.05)
                 }
-                State::Done(_) | State::Gone => 0.0,
+                State::Over => 0.0,
             };
             sum += left;
             longest = longest.max(left);
@@ -90,9 +116,9 @@ impl Forecast {
             let part = match point.state {
                 State::Waiting => 0.0,
                 State::Running(since) => {
-                    self.seconds(point).map_or(0.0, |whole| ((now - since) / whole).clamp(0.0, 0.95))
+                    self.cost(point).map_or(0.0, |whole| ((now - since) / whole).clamp(0.0, 0.95))
                 }
-                State::Done(_) | State::Gone => 1.0,
+                State::Over => 1.0,
             };
             done += part * point.work;
             all += point.work;

@@ -2,59 +2,36 @@
 //!
 //! ```text
 //! study file ─► points ─► recipes ─► keys ─► cache hit?  ─► report
-//!                                     └► worker: admitted by memory, one host thread ─► cache ─► report
+//!                                     └► crew: admitted by memory, one host thread a point ─► cache ─► report
 //! ```
+//!
+//! On more than one machine a plan cuts the points into shards, and each has a crew of its own: [`run_on_slurm`], [`commands`].
 
 mod cache;
+mod cluster;
+mod crew;
 mod file;
 mod forecast;
 mod memory;
+mod output;
 mod points;
 mod recipe;
 mod run;
+mod work;
 
 use std::path::{Path, PathBuf};
 
 pub use cache::Cache;
+pub use cluster::{Commands, Shard, SlurmOptions, Stopped, Tally, commands, run_on_slurm, run_shard};
 pub use file::{Study, builtin_study_names};
 pub use forecast::Forecast;
+pub use output::{StudyOutput, drawings};
 pub use recipe::Recipe;
-pub use run::{Options, Status, StudyOutput, StudyProgress, run_study};
+pub use run::{Options, Status, StudyProgress, run_study};
 
-use lrbsim_reports::analysis::{Finding, findings, markdown};
-use lrbsim_reports::files::ResultDir;
-use lrbsim_reports::page;
-use lrbsim_reports::study::StudyReport;
-
-use crate::error::BadInput;
 use crate::results::safe_name;
 
 /// Default folder of a study's results.
 pub fn default_dir(name: &str) -> PathBuf {
     Path::new("out").join(safe_name(&format!("study-{name}")))
-}
-
-/// The files of a study other than `study.json`, all drawn from it: names and bytes.
-pub fn drawings(study: &StudyReport) -> Vec<(String, Vec<u8>)> {
-    let findings = findings(study);
-    let mut files = vec![("table.md".to_owned(), markdown(study, &findings).into_bytes())];
-    for Finding { name, sheet, plot, .. } in &findings {
-        files.push((format!("{name}.csv"), sheet.csv().into_bytes()));
-        if let Some(plot) = plot {
-            files.push((format!("{name}.svg"), plot.svg().into_bytes()));
-            files.push((format!("{name}.png"), plot.png()));
-        }
-    }
-    files.push(("report.html".to_owned(), page::of_study(study).into_bytes()));
-    files
-}
-
-/// Writes the results of a study to `dir`, `study.json` last, in place of the results there, and tells their paths.
-pub fn write(dir: &Path, study: &StudyReport) -> Result<Vec<PathBuf>, BadInput> {
-    let mut dir = ResultDir::open(dir)?;
-    for (name, bytes) in drawings(study) {
-        dir.stage(&name, &bytes)?;
-    }
-    dir.stage("study.json", study.to_json().as_bytes())?;
-    Ok(dir.replace()?)
 }

@@ -12,10 +12,11 @@ pub(crate) mod tests;
 
 use serde_json::Value;
 
+use crate::digest::Digest;
 use crate::metric::Numbers;
 use crate::plot::Plot;
 use crate::sheet::{Sheet, show_value};
-use crate::study::{Analysis, AnalysisKind, StudyReport};
+use crate::study::{Analysis, AnalysisKind, StudyFile};
 
 /// What one analysis found.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,16 +34,17 @@ pub struct Finding {
 }
 
 /// Runs the analyses that a study asks for, the table first.
-pub fn findings(study: &StudyReport) -> Vec<Finding> {
-    let data = Data::of(study);
-    let mut asked: Vec<Analysis> = study.study.analysis.iter().map(|entry| entry.options()).collect();
+pub fn findings(digest: &Digest) -> Vec<Finding> {
+    let data = Data::of(digest);
+    let file = &digest.study.study;
+    let mut asked: Vec<Analysis> = file.analysis.iter().map(|entry| entry.options()).collect();
     if !asked.iter().any(|analysis| analysis.kind == AnalysisKind::Table) {
         asked.insert(0, Analysis { kind: AnalysisKind::Table, x: None, y: None });
     }
     let mut findings: Vec<Finding> = Vec::new();
     for analysis in &asked {
         let mut finding = match analysis.kind {
-            AnalysisKind::Table => table::table(study, &data, analysis),
+            AnalysisKind::Table => table::table(digest, &data, analysis),
             AnalysisKind::Speedup => speedup::speedup(&data, analysis),
             AnalysisKind::PowerLaw => power_law::power_law(&data, analysis),
             AnalysisKind::Pareto => pareto::pareto(&data, analysis),
@@ -59,10 +61,10 @@ pub fn findings(study: &StudyReport) -> Vec<Finding> {
 }
 
 /// All findings as one Markdown text.
-pub fn markdown(study: &StudyReport, findings: &[Finding]) -> String {
-    let mut text = format!("# {}\n", study.study.name);
-    if !study.study.question.is_empty() {
-        text.push_str(&format!("\n{}\n", study.study.question));
+pub fn markdown(study: &StudyFile, findings: &[Finding]) -> String {
+    let mut text = format!("# {}\n", study.name);
+    if !study.question.is_empty() {
+        text.push_str(&format!("\n{}\n", study.question));
     }
     for finding in findings {
         text.push_str(&format!("\n## {}\n\n{}", finding.title, finding.sheet.markdown()));
@@ -74,34 +76,27 @@ pub fn markdown(study: &StudyReport, findings: &[Finding]) -> String {
 }
 
 /// The points of a study that have a report, ready to be asked for numbers.
-struct Data {
+struct Data<'a> {
     axes: Vec<String>,
     metric: String,
-    rows: Vec<Row>,
+    rows: Vec<Row<'a>>,
     /// Ids of the phases that any point has, in program order.
-    phases: Vec<String>,
+    phases: &'a [String],
 }
 
-struct Row {
-    values: Vec<Value>,
-    numbers: Numbers,
+struct Row<'a> {
+    values: &'a [Value],
+    numbers: &'a Numbers,
 }
 
-impl Data {
-    fn of(study: &StudyReport) -> Data {
-        let mut phases: Vec<String> = Vec::new();
-        let mut rows = Vec::new();
-        for point in &study.points {
-            let Some(report) = &point.report else { continue };
-            for phase in &report.phases {
-                if !phases.contains(&phase.id) {
-                    phases.push(phase.id.clone());
-                }
-            }
-            rows.push(Row { values: point.values.clone(), numbers: Numbers::of(report) });
-        }
+impl<'a> Data<'a> {
+    fn of(digest: &'a Digest) -> Data<'a> {
+        let Digest { study, numbers, phases, .. } = digest;
+        let rows = study.points.iter().zip(numbers);
+        let rows = rows
+            .filter_map(|(point, numbers)| Some(Row { values: &point.values, numbers: numbers.as_ref()? }));
         let axes = study.study.axes.iter().map(|axis| axis.path.clone()).collect();
-        Data { axes, metric: study.study.metric.clone(), rows, phases }
+        Data { axes, metric: study.study.metric.clone(), rows: rows.collect(), phases }
     }
 
     /// The axis or number that an analysis is drawn over.
@@ -140,11 +135,11 @@ impl Data {
 
     /// The rows in groups that differ in nothing but the axis `x`, with a name for each group; all in one where `x` is
     /// no axis but something that was measured.
-    fn groups(&self, x: &str) -> Vec<(String, Vec<&Row>)> {
+    fn groups(&self, x: &str) -> Vec<(String, Vec<&Row<'a>>)> {
         let measured = !self.axes.iter().any(|axis| axis == x);
         let others: Vec<usize> =
             (0..self.axes.len()).filter(|axis| !measured && self.axes[*axis] != x).collect();
-        let mut groups: Vec<(Vec<&Value>, Vec<&Row>)> = Vec::new();
+        let mut groups: Vec<(Vec<&Value>, Vec<&Row<'a>>)> = Vec::new();
         for row in &self.rows {
             let rest: Vec<&Value> = others.iter().map(|axis| &row.values[*axis]).collect();
             match groups.iter_mut().find(|(values, _)| *values == rest) {

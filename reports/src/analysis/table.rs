@@ -1,16 +1,18 @@
 //! Every point with its numbers, and the metric over the first axis.
 
 use super::{Data, Finding, named};
+use crate::digest::Digest;
 use crate::metric::title;
 use crate::plot::{Axis, Bar, Bars, Lines, Look, Plot, Series};
 use crate::sheet::{Cell, Sheet, show_value};
-use crate::study::{Analysis, StudyReport};
+use crate::study::Analysis;
 use crate::table::counted;
 
 /// Lines that a plot still shows apart.
 const LINES_MAX: usize = 9;
 
-pub(super) fn table(study: &StudyReport, data: &Data, analysis: &Analysis) -> Finding {
+pub(super) fn table(digest: &Digest, data: &Data, analysis: &Analysis) -> Finding {
+    let study = &digest.study;
     let y = data.y(analysis);
     let mut paths = data.with_phases(&y);
     paths.extend(study.study.columns.iter().filter(|path| **path != y).cloned());
@@ -23,11 +25,11 @@ pub(super) fn table(study: &StudyReport, data: &Data, analysis: &Analysis) -> Fi
         columns.push("error".to_owned());
     }
     let mut rows = Vec::new();
-    let mut measured = data.rows.iter();
-    for point in &study.points {
+    for (point, numbers) in study.points.iter().zip(&digest.numbers) {
         let mut row: Vec<Cell> = point.values.iter().map(Cell::value).collect();
-        let numbers = point.report.as_ref().and_then(|_| measured.next()).map(|row| &row.numbers);
-        row.extend(paths.iter().map(|path| Cell::maybe(numbers.and_then(|numbers| numbers.get(path)))));
+        row.extend(
+            paths.iter().map(|path| Cell::maybe(numbers.as_ref().and_then(|numbers| numbers.get(path)))),
+        );
         if failed {
             row.push(Cell::Text(point.error.clone().unwrap_or_default()));
         }
@@ -40,7 +42,7 @@ pub(super) fn table(study: &StudyReport, data: &Data, analysis: &Analysis) -> Fi
             vec![format!("{n} of {all} without a result; the last column says why.")]
         }
     };
-    notes.extend(study.warnings());
+    notes.extend(digest.warnings());
     let sheet = Sheet { columns, rows };
     Finding {
         name: "table".to_owned(),

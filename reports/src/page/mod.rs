@@ -9,12 +9,12 @@ use serde_json::Value;
 
 use crate::analysis::findings;
 use crate::base64;
+use crate::digest::Digest;
 use crate::frames::FramesReport;
 use crate::host::HostReport;
 use crate::picture::{ERROR_COLORS, ERROR_SCALE_END};
 use crate::run::RunReport;
 use crate::sheet::{Cell, Sheet};
-use crate::study::StudyReport;
 
 const HTML: &str = include_str!("page.html");
 const CSS: &str = include_str!("page.css");
@@ -83,8 +83,9 @@ pub fn of_frames(frames: &FramesReport, worst: &RunReport, all: &[Picture], pict
 }
 
 /// The page of a study.
-pub fn of_study(study: &StudyReport) -> String {
-    let findings: Vec<Value> = findings(study)
+pub fn of_study(digest: &Digest) -> String {
+    let study = &digest.study;
+    let findings: Vec<Value> = findings(digest)
         .iter()
         .map(|finding| {
             serde_json::json!({
@@ -101,6 +102,7 @@ pub fn of_study(study: &StudyReport) -> String {
         "kind": "study",
         "title": study.study.name,
         "study": study,
+        "left_out": digest.left_out,
         "presets": presets(reports),
         "findings": findings,
     });
@@ -197,7 +199,7 @@ mod tests {
             &["speedup"],
             &[(&[Value::from(1)], 8.0), (&[Value::from(2)], 5.0)],
         );
-        let html = of_study(&study);
+        let html = of_study(&Digest::of(&study));
         assert!(html.contains("\"name\":\"speedup\"") && html.contains("\\u003csvg"));
     }
 }

@@ -331,7 +331,7 @@ function studySections(study) {
   const pick = element("select", { "aria-label": "Point of the study", change: (event) => holder.replaceChildren(...runSections(good[event.target.value].report)) }, ...good.map((point, index) => element("option", { value: index }, name(point))));
   if (good.length) holder.replaceChildren(...runSections(good[0].report));
   const failed = study.points.filter((point) => point.error !== null).map((point) => element("p", { class: "error" }, `${name(point)}: ${point.error}`));
-  return [element("p", {}, study.study.question), ...data.findings.map(findingSection), ...failed, good.length ? section("One point", pick, holder) : note("No point has a result.")];
+  return [element("p", {}, study.study.question), ...data.findings.map(findingSection), ...failed, good.length ? section("One point", pick, holder, data.left_out ? note(`The reports of ${data.left_out} more points are in study.json.`) : null) : note("No point has a result.")];
 }
 
 function framesSections(frames) {

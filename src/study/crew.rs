@@ -1,0 +1,268 @@
+//! Threads that run the points that are not finished yet, the dearest first, as many at once as fit in memory.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::path::Path;
+use std::sync::{Condvar, Mutex, MutexGuard};
+use std::time::Duration;
+
+use super::cache::{Claim, Entry};
+use super::forecast::Forecast;
+use super::memory;
+use super::run::{Status, StudyProgress};
+use super::work::{Fault, Task, Work};
+use crate::error::BadInput;
+use crate::host::Stopwatch;
+
+/// How often progress is told, and how long a point waits for memory or another process before it asks again.
+const TICK: Duration = Duration::from_millis(100);
+
+/// Where points that are finished are found, and where they are put.
+pub(super) trait Store: Sync {
+    /// What is known of a point that is over: the seconds that it took, or why it has no result.
+    fn find(&self, key: &str) -> Option<Result<f64, String>>;
+
+    /// Claims a point; `None` while another process computes it and, for `waited` seconds so far, is waited for.
+    fn claim(&self, key: &str, waited: f64) -> Result<Option<Claim>, BadInput>;
+
+    /// The folder of the cache.
+    fn folder(&self) -> &Path;
+
+    /// Keeps how a claimed point ended.
+    fn keep(&self, claim: &Claim, task: &Task, outcome: Result<&mut Entry, &Fault>) -> Result<(), BadInput>;
+}
+
+/// How a point ended: the error where it has no result.
+pub(super) type Outcome = Result<(), String>;
+
+/// Runs the points of `work` that `store` has not, `jobs` at once, and tells how each ended.
+pub(super) fn run(
+    work: &Work,
+    store: &dyn Store,
+    jobs: usize,
+    watch: Stopwatch,
+    progress: &dyn StudyProgress,
+) -> Result<(Vec<Outcome>, Status), BadInput> {
+    let crew = Crew::new(work, store, watch);
+    std::thread::scope(|scope| {
+        for _ in 0..jobs.max(1) {
+            scope.spawn(|| crew.work());
+        }
+        crew.watch(jobs, progress);
+    });
+    let state = crew.state.into_inner().expect("nobody panics with the state in hand");
+    let status = state.status(jobs, watch.elapsed().as_secs_f64());
+    if let Some(bad) = state.fatal {
+        return Err(bad);
+    }
+    let outcomes = work.first.iter().map(|first| state.over[*first].clone().expect("nobody waits any more"));
+    Ok((outcomes.collect(), status))
+}
+
+/// The threads and what they share.
+struct Crew<'a> {
+    work: &'a Work<'a>,
+    store: &'a dyn Store,
+    watch: Stopwatch,
+    memory_budget: u64,
+    state: Mutex<State>,
+    changed: Condvar,
+}
+
+struct State {
+    waiting: VecDeque<usize>,
+    /// Since when another process computes a point, in seconds.
+    busy: BTreeMap<usize, f64>,
+    running: usize,
+    memory: u64,
+    over: Vec<Option<Outcome>>,
+    forecast: Forecast,
+    found: usize,
+    computed: usize,
+    failed: usize,
+    /// Why the crew cannot go on.
+    fatal: Option<BadInput>,
+}
+
+impl State {
+    /// Whether a point of this size may run too. One runs always: there is no better moment for it.
+    fn has_room(&self, memory: u64, budget: u64) -> bool {
+        self.running == 0 || self.memory.saturating_add(memory) <= budget
+    }
+
+    fn is_over(&self) -> bool {
+        self.running == 0 && (self.waiting.is_empty() || self.fatal.is_some())
+    }
+
+    fn status(&self, jobs: usize, now: f64) -> Status {
+        Status {
+            points: self.over.len(),
+            found: self.found,
+            computed: self.computed,
+            failed: self.failed,
+            running: self.running,
+            part_done: self.forecast.part_done(now),
+            seconds: now,
+            seconds_left: self.forecast.left(now, jobs),
+        }
+    }
+
+    fn end(&mut self, index: usize, outcome: Result<f64, String>, computed: bool) {
+        match &outcome {
+            Ok(seconds) => {
+                *(if computed { &mut self.computed } else { &mut self.found }) += 1;
+                self.forecast.done(index, *seconds);
+            }
+            Err(_) => {
+                self.failed += 1;
+                self.forecast.gone(index);
+            }
+        }
+        self.over[index] = Some(outcome.map(|_| ()));
+    }
+}
+
+impl<'a> Crew<'a> {
+    fn new(work: &'a Work<'a>, store: &'a dyn Store, watch: Stopwatch) -> Crew<'a> {
+        let mut state = State {
+            waiting: VecDeque::new(),
+            busy: BTreeMap::new(),
+            running: 0,
+            memory: 0,
+            over: vec![None; work.tasks.len()],
+            forecast: work.forecast(),
+            found: 0,
+            computed: 0,
+            failed: 0,
+            fatal: None,
+        };
+        for (index, task) in work.tasks.iter().enumerate() {
+            match task {
+                Err(error) => state.end(index, Err(error.clone()), false),
+                Ok(_) if work.first[index] != index => {
+                    // It is another point's double.
+                    state.found += 1;
+                    state.forecast.gone(index);
+                }
+                Ok(task) => match store.find(&task.key) {
+                    Some(outcome) => state.end(index, outcome, false),
+                    None => state.waiting.push_back(index),
+                },
+            }
+        }
+        // The dearest first: the end is then not one worker's.
+        let cost = |index: &usize| work.tasks[*index].as_ref().map_or(0.0, |task| task.work);
+        state.waiting.make_contiguous().sort_by(|a, b| cost(b).total_cmp(&cost(a)));
+        let memory_budget = memory::budget();
+        Crew { work, store, watch, memory_budget, state: Mutex::new(state), changed: Condvar::new() }
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().expect("nobody panics with the state in hand")
+    }
+
+    fn now(&self) -> f64 {
+        self.watch.elapsed().as_secs_f64()
+    }
+
+    /// Tells of the progress until all is done.
+    fn watch(&self, jobs: usize, progress: &dyn StudyProgress) {
+        let mut state = self.state();
+        while !state.is_over() {
+            progress.status(&state.status(jobs, self.now()));
+            // Points end by the thousand in a second; what they did is told ten times.
+            let wait = self.changed.wait_timeout_while(state, TICK, |state| !state.is_over());
+            state = wait.expect("nobody panics with the state in hand").0;
+        }
+    }
+
+    /// Runs points until there are none.
+    fn work(&self) {
+        while let Some((index, task)) = self.next() {
+            let attempt = self.compute(index, task);
+            let mut state = self.state();
+            state.running -= 1;
+            state.memory -= task.memory;
+            match attempt {
+                Ok(Attempt::Busy) => {
+                    let now = self.now();
+                    state.busy.entry(index).or_insert(now);
+                    state.waiting.push_back(index);
+                }
+                Ok(Attempt::Found(outcome)) => state.end(index, outcome, false),
+                Ok(Attempt::Ran(outcome)) => state.end(index, outcome, true),
+                Err(bad) => state.fatal = Some(bad),
+            }
+            self.changed.notify_all();
+        }
+    }
+
+    /// The next point for which there is room; waits for it.
+    fn next(&self) -> Option<(usize, &Task)> {
+        let mut state = self.state();
+        loop {
+            if state.waiting.is_empty() || state.fatal.is_some() {
+                return None;
+            }
+            let task =
+                |index: usize| self.work.tasks[index].as_ref().expect("only points that can be run wait");
+            let fits = |index: &usize| state.has_room(task(*index).memory, self.memory_budget);
+            if let Some(place) = state.waiting.iter().position(fits) {
+                let index = state.waiting.remove(place).expect("it was found there");
+                state.running += 1;
+                state.memory += task(index).memory;
+                let now = self.now();
+                state.forecast.begin(index, now);
+                return Some((index, task(index)));
+            }
+            state = self.changed.wait_timeout(state, TICK).expect("nobody panics with the state in hand").0;
+        }
+    }
+
+    fn compute(&self, index: usize, task: &Task) -> Result<Attempt, BadInput> {
+        let waited = self.state().busy.get(&index).map_or(0.0, |since| self.now() - since);
+        let Some(claim) = self.store.claim(&task.key, waited)? else {
+            std::thread::sleep(TICK);
+            return Ok(Attempt::Busy);
+        };
+        if let Some(outcome) = self.store.find(&task.key) {
+            return Ok(Attempt::Found(outcome));
+        }
+        let mut outcome = self.work.run(task, self.store.folder());
+        self.store.keep(&claim, task, outcome.as_mut().map_err(|fault| &*fault))?;
+        Ok(Attempt::Ran(outcome.map(|entry| entry.host.seconds).map_err(|fault| fault.message)))
+    }
+}
+
+/// How it went when a thread took a point.
+enum Attempt {
+    /// Another process computes the point.
+    Busy,
+    /// Another process has finished the point.
+    Found(Result<f64, String>),
+    /// The thread has run the point.
+    Ran(Result<f64, String>),
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_run_together_only_as_far_as_they_fit() {
+        let mut state = State {
+            waiting: VecDeque::new(),
+            busy: BTreeMap::new(),
+            running: 0,
+            memory: 0,
+            over: Vec::new(),
+            forecast: Forecast::new(std::iter::empty()),
+            found: 0,
+            computed: 0,
+            failed: 0,
+            fatal: None,
+        };
+        assert!(state.has_room(1000, 100), "one runs, however large");
+        (state.running, state.memory) = (1, 60);
+        assert!(state.has_room(40, 100) && !state.has_room(41, 100) && !state.has_room(u64::MAX, 100));
+    }
+}
