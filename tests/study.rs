@@ -224,7 +224,10 @@ fn an_option_of_the_algorithm_is_an_axis_too() {
     folder.run(&["study", "form.json"]).ok();
     let study = results(&folder, "out/study-form/study.json");
     let one = study.at(&["exact".into(), 1.into()]).expect("a point");
-    assert_eq!((study.points.len(), one.provenance.algorithm.as_str()), (2, "sism:form=exact"));
+    assert_eq!(
+        (study.points.len(), one.provenance.algorithm.as_str()),
+        (2, "sism:form=exact,overlap=sum,lights=1")
+    );
 }
 
 #[test]

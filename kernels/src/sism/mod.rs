@@ -233,8 +233,8 @@ fn run_light(
         let walk = Walk::new(Kind::Edges, &grid, &raster, &runs);
         match overlap {
             Overlap::Sum => soft::sum(walk, &primitives, sums, runner)?,
-            Overlap::Bits64 => bits::cover::<4>(walk, &primitives, own, &grid, &runs, sums, runner)?,
-            Overlap::Bits256 => bits::cover::<16>(walk, &primitives, own, &grid, &runs, sums, runner)?,
+            Overlap::Bits64 => bits::cover(walk, 4, &primitives, own, &grid, &runs, sums, runner)?,
+            Overlap::Bits256 => bits::cover(walk, 16, &primitives, own, &grid, &runs, sums, runner)?,
         }
     }
 
