@@ -423,7 +423,7 @@ fn what_cannot_be_meant_is_refused() {
     let printed = study("x", r#"{"fidelity": "functional"}"#, r#"{"path": "cores", "values": [1]}"#, "table")
         .ok()
         .stdout();
-    let method = "soft irregular shadow mapping (Johnson et al. 2009), form=exact";
+    let method = "soft irregular shadow mapping (Johnson et al. 2009), form=exact,overlap=sum,lights=1";
     assert!(
         printed.starts_with(&format!("Study x: saloon-small on larrabee-24, {method}, functional\n")),
         "{printed}"

@@ -60,7 +60,6 @@ pub fn cover(
     walk: Walk,
     groups: usize,
     primitives: &Primitives,
-    own: Own,
     grid: &Grid,
     runs: &Runs,
     sums: Columns<Sums>,
@@ -69,7 +68,7 @@ pub fn cover(
     let bits = Bits {
         walk,
         groups,
-        own,
+        own: Own::new(primitives),
         edges: primitives.edges,
         grid: *grid,
         splits: runs.splits,
@@ -334,6 +333,10 @@ impl Shade for Bits {
                 continue;
             }
             let lane_number = v.vset_i32(lane as i32);
+            #[expect(
+                clippy::manual_map,
+                reason = "a closure is not compiled for the host's vector instructions"
+            )]
             let horizon = match horizon {
                 None => None,
                 Some(Crossing { along, offset, step, .. }) => Some((
