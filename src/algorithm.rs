@@ -120,8 +120,11 @@ mod tests {
             ids.dedup();
             assert!(count > 0 && ids.len() == count, "{algorithm}: phases must have ids of their own");
         }
-        assert_eq!(Algorithm::default().to_string(), "sism:form=exact");
-        assert_eq!("sism".parse::<Algorithm>().expect("a name").to_string(), "sism:form=exact");
+        assert_eq!(Algorithm::default().to_string(), "sism:form=exact,overlap=sum,lights=1");
+        assert_eq!(
+            "sism".parse::<Algorithm>().expect("a name").to_string(),
+            Algorithm::default().to_string()
+        );
     }
 
     #[test]

@@ -159,8 +159,10 @@ mod tests {
     #[test]
     fn the_pattern_of_a_study_takes_what_users_write() {
         let methods = METHODS.map(|method| method.entry());
-        assert_eq!(pattern(&methods[..1]), "^(sism(:(form=(exact))(,(form=(exact)))*)?)$");
-        assert_eq!(pattern_of_twice(&methods[..1]).as_deref(), Some("[:,]form=.*,form="));
+        let option = "(form=(exact)|overlap=(sum|bits:64|bits:256)|lights=[0-9]+)";
+        assert_eq!(pattern(&methods[..1]), format!("^(sism(:{option}(,{option})*)?)$"));
+        let twice = "[:,]form=.*,form=|[:,]lights=.*,lights=|[:,]overlap=.*,overlap=";
+        assert_eq!(pattern_of_twice(&methods[..1]).as_deref(), Some(twice));
         assert_eq!(
             (pattern(&levels()), pattern_of_twice(&levels())),
             ("^(functional|windowed|cycle)$".to_owned(), None)

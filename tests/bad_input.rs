@@ -54,10 +54,18 @@ fn an_unknown_name_lists_the_known_ones() {
         &["`form` of `sism` is `round`; it must be `exact`"],
     );
     let nothing = "has no option after its colon; it must be";
-    refused(&folder, &["tiny", "-a", "sism:"], &["`sism:`", nothing, "`sism`, or `form=…` after it"]);
+    refused(
+        &folder,
+        &["tiny", "-a", "sism:"],
+        &["`sism:`", nothing, "`sism`, or `form=…`, `overlap=…` or `lights=…` after it"],
+    );
     refused(&folder, &["tiny", "--fidelity", "windowed:"], &["`windowed:`", nothing, "`windowed`"]);
     for text in ["sism:,,", "sism:form=exact,"] {
-        refused(&folder, &["tiny", "-a", text], &["a comma without an option", "it must be `form=…`"]);
+        refused(
+            &folder,
+            &["tiny", "-a", text],
+            &["a comma without an option", "it must be `form=…`, `overlap=…` or `lights=…`"],
+        );
     }
     for text in ["sism:form", "sism:form="] {
         refused(

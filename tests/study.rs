@@ -224,7 +224,10 @@ fn an_option_of_the_algorithm_is_an_axis_too() {
     folder.run(&["study", "form.json"]).ok();
     let study = results(&folder, "out/study-form/study.json");
     let one = study.at(&["exact".into(), 1.into()]).expect("a point");
-    assert_eq!((study.points.len(), one.provenance.algorithm.as_str()), (2, "sism:form=exact"));
+    assert_eq!(
+        (study.points.len(), one.provenance.algorithm.as_str()),
+        (2, "sism:form=exact,overlap=sum,lights=1")
+    );
 }
 
 #[test]
@@ -420,7 +423,7 @@ fn what_cannot_be_meant_is_refused() {
     let printed = study("x", r#"{"fidelity": "functional"}"#, r#"{"path": "cores", "values": [1]}"#, "table")
         .ok()
         .stdout();
-    let method = "soft irregular shadow mapping (Johnson et al. 2009), form=exact";
+    let method = "soft irregular shadow mapping (Johnson et al. 2009), form=exact,overlap=sum,lights=1";
     assert!(
         printed.starts_with(&format!("Study x: saloon-small on larrabee-24, {method}, functional\n")),
         "{printed}"

@@ -35,6 +35,9 @@ use crate::record::{Record, Records};
 use crate::scene::fill;
 use crate::segment::{Vec2, cross};
 
+/// Groups of 16 samples of the light at most.
+const GROUPS_MAX: usize = 16;
+
 /// Directions that the samples are turned to.
 const TURNS: u32 = 16;
 
@@ -51,25 +54,26 @@ struct Turn {
     sin: f32,
 }
 
-/// Finds which of `16 * GROUPS` samples of the light are covered, for every sample in a block that holds edges: the covered
+/// Finds which of `16 * groups` samples of the light are covered, `groups` at most [`GROUPS_MAX`], for every sample in a block that holds edges: the covered
 /// part, in fixed point, to [`Sums::coverage`]`[0]`. One task a run.
-pub fn cover<const GROUPS: usize>(
+pub fn cover(
     walk: Walk,
+    groups: usize,
     primitives: &Primitives,
-    own: Own,
     grid: &Grid,
     runs: &Runs,
     sums: Columns<Sums>,
     runner: &mut Runner<'_>,
 ) -> Result<(), Stopped> {
-    let bits = Bits::<GROUPS> {
+    let bits = Bits {
         walk,
-        own,
+        groups,
+        own: Own::new(primitives),
         edges: primitives.edges,
         grid: *grid,
         splits: runs.splits,
         sums,
-        samples: samples(runner.arena, GROUPS as u32 * 16),
+        samples: samples(runner.arena, groups as u32 * 16),
         turns: turns(runner.arena),
     };
     // SAFETY: each task writes the sums of its own samples: a sample lies in one run.
@@ -98,8 +102,10 @@ fn turns(arena: &mut Arena) -> Columns<Turn> {
 }
 
 /// Finds the covered samples of the light for the samples of a run.
-struct Bits<const GROUPS: usize> {
+struct Bits {
     walk: Walk,
+    /// Number of groups of 16 samples of the light.
+    groups: usize,
     own: Own,
     edges: Records<EdgeRecord>,
     grid: Grid,
@@ -111,19 +117,21 @@ struct Bits<const GROUPS: usize> {
 }
 
 /// What covers the light of 16 receivers, as far as their cell's edges have been seen.
-struct Covered<V: Vpu, const GROUPS: usize> {
+struct Covered<V: Vpu> {
     /// The light as the receivers see it, turned.
     view: View<V>,
     /// Layers before the middle of the light: those in F, and 65 536 for each in B.
     layers: V::I32,
     /// The layers before each sample, by receiver and 16 samples; `None` where they are still those before the middle.
-    counts: [[Option<Stacked<V::I32>>; GROUPS]; 16],
+    counts: [[Option<Stacked<V::I32>>; GROUPS_MAX]; 16],
+    /// The horizons of receivers whose own triangles' planes cut the light, and the lanes of these; see `own`.
+    horizon: Option<(V::S32, Crossing<V>)>,
 }
 
 /// Edges on the discs of 16 receivers, as samples are compared with them.
 struct Crossing<V: Vpu> {
-    /// Ends of the edges, whose wedges are looked at; `None` for a line without an end.
-    ends: Option<[Vec2<V>; 2]>,
+    /// Ends of the edges, whose wedges are looked at.
+    ends: [Vec2<V>; 2],
     /// A sample at s is beyond the edge where `along x s > offset`.
     along: Vec2<V>,
     offset: V::F32,
@@ -131,14 +139,14 @@ struct Crossing<V: Vpu> {
     step: V::I32,
 }
 
-impl<const GROUPS: usize> Kernel for Bits<GROUPS> {
+impl Kernel for Bits {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
         self.walk.run(v, task, self);
     }
 }
 
-impl<const GROUPS: usize> Bits<GROUPS> {
+impl Bits {
     /// Layers before the middle of the light, which `hard` counted: none in a block that has no triangles.
     #[inline(always)]
     fn layers<V: Vpu>(&self, v: &mut V, samples: &Samples<V>) -> V::I32 {
@@ -154,16 +162,18 @@ impl<const GROUPS: usize> Bits<GROUPS> {
         together(v, [front, back])
     }
 
+    /// Group `group` of the samples of the light, in radii.
+    #[inline(always)]
+    fn places<V: Vpu>(&self, v: &mut V, group: usize) -> Vec2<V> {
+        let first = v.s_imm(group as i32 * 16);
+        each!(axis in [0, 1] => v.vload_f32(self.samples.column(field!(LightSample.place[axis])), first))
+    }
+
     /// Adds to the counts of the receivers in `live` what the edges in `crossing` change.
     #[inline(always)]
-    fn cross<V: Vpu>(
-        &self,
-        v: &mut V,
-        live: V::Mask,
-        crossing: &Crossing<V>,
-        state: &mut Covered<V, GROUPS>,
-    ) {
+    fn cross<V: Vpu>(&self, v: &mut V, live: V::Mask, crossing: &Crossing<V>, state: &mut Covered<V>) {
         let nothing = v.s_imm(0);
+        let zero = v.vset_f32(0.0);
         let bits = v.kmov_to_scalar(live);
         let layers = state.layers;
         for (lane, counts) in state.counts.iter_mut().enumerate() {
@@ -177,42 +187,34 @@ impl<const GROUPS: usize> Bits<GROUPS> {
             let along = [of(v, crossing.along[0]), of(v, crossing.along[1])];
             let offset = of(v, crossing.offset);
             let step = v.vpermute(crossing.step, lane_number);
-            let ends = match crossing.ends {
-                None => None,
-                Some([a, b]) => Some([[of(v, a[0]), of(v, a[1])], [of(v, b[0]), of(v, b[1])]]),
-            };
-            for (group, count) in counts.iter_mut().enumerate() {
-                let first = v.s_imm(group as i32 * 16);
-                let place = each!(axis in [0, 1] => {
-                    v.vload_f32(self.samples.column(field!(LightSample.place[axis])), first)
-                });
+            let [a, b] = crossing.ends;
+            let (a, b) = ([of(v, a[0]), of(v, a[1])], [of(v, b[0]), of(v, b[1])]);
+            for (group, count) in counts[..self.groups].iter_mut().enumerate() {
+                let place = self.places(v, group);
                 let across = cross2(v, along, place);
-                let mut beyond = v.vcmp_gt(across, offset);
-                if let Some([a, b]) = ends {
-                    let (a, b) = (cross2(v, a, place), cross2(v, b, place));
-                    let zero = v.vset_f32(0.0);
-                    let past_a = v.vcmp_ge(a, zero);
-                    let past_b = v.vcmp_ge(b, zero);
-                    let between = v.kxor(past_a, past_b);
-                    beyond = v.kand(beyond, between);
-                }
+                let beyond = v.vcmp_gt(across, offset);
+                let (a, b) = (cross2(v, a, place), cross2(v, b, place));
+                let past_a = v.vcmp_ge(a, zero);
+                let past_b = v.vcmp_ge(b, zero);
+                let between = v.kxor(past_a, past_b);
+                let beyond = v.kand(beyond, between);
                 let before = match *count {
                     Some(count) => v.vunstack_i32(count),
                     None => v.vpermute(layers, lane_number),
                 };
                 let after = v.viadd_or(before, beyond, before, step);
-                let slot = (lane * GROUPS + group) as u32;
+                let slot = (lane * GROUPS_MAX + group) as u32;
                 *count = Some(v.vstack_i32(slot, after));
             }
         }
     }
 }
 
-impl<const GROUPS: usize> Shade for Bits<GROUPS> {
-    type State<V: Vpu> = Covered<V, GROUPS>;
+impl Shade for Bits {
+    type State<V: Vpu> = Covered<V>;
 
     #[inline(always)]
-    fn begin<V: Vpu>(&self, v: &mut V, samples: &Samples<V>) -> Covered<V, GROUPS> {
+    fn begin<V: Vpu>(&self, v: &mut V, samples: &Samples<V>) -> Covered<V> {
         let none = v.vset_i32(0);
         let zero = v.vset_f32(0.0);
         let live = samples.live;
@@ -230,7 +232,7 @@ impl<const GROUPS: usize> Shade for Bits<GROUPS> {
         let view = view(v, &self.own.light, samples.position).turned(v, cos, sin);
 
         let layers = self.layers(v, samples);
-        let mut state = Covered { view, layers, counts: [[None; GROUPS]; 16] };
+        let mut state = Covered { view, layers, counts: [[None; GROUPS_MAX]; 16], horizon: None };
 
         // Own triangles, whose edges will be among those to come: see `own`.
         let number = v.vgather_i32_or(none, live, receivers.column(field!(Receiver.triangle)), receiver);
@@ -247,7 +249,8 @@ impl<const GROUPS: usize> Shade for Bits<GROUPS> {
             let middle = cross2(v, from, to);
             let left = v.vcmp_gt(middle, zero);
             let crossing = crossing(v, [from, to], left, step);
-            self.cross(v, cut, &Crossing { ends: None, ..crossing }, &mut state);
+            let lanes = v.kmov_to_scalar(cut);
+            state.horizon = Some((lanes, crossing));
         }
         state
     }
@@ -257,7 +260,7 @@ impl<const GROUPS: usize> Shade for Bits<GROUPS> {
         &self,
         v: &mut V,
         samples: &Samples<V>,
-        state: &mut Covered<V, GROUPS>,
+        state: &mut Covered<V>,
         entry: Record<V, CellRecord>,
     ) {
         let number = entry.scalar(v, field!(CellRecord.primitive));
@@ -309,23 +312,51 @@ impl<const GROUPS: usize> Shade for Bits<GROUPS> {
     }
 
     #[inline(always)]
-    fn end<V: Vpu>(&self, v: &mut V, samples: &Samples<V>, state: &Covered<V, GROUPS>) {
+    fn end<V: Vpu>(&self, v: &mut V, samples: &Samples<V>, state: &Covered<V>) {
         // Where no silhouette crosses the light, all of it is as its middle.
         let none = v.vset_i32(0);
         let whole = v.vset_i32(WHOLE as i32);
         let hidden = v.vicmp_neq(state.layers, none);
         let mut covered = v.vblend_i32(hidden, whole, none);
-        let per_sample = (WHOLE as i32 / (GROUPS as i32 * 16)).trailing_zeros() as i32;
+        let per_sample = (WHOLE as i32 / (self.groups as i32 * 16)).trailing_zeros() as i32;
+        let nothing = v.s_imm(0);
         for (lane, counts) in state.counts.iter().enumerate() {
-            // All counts of a receiver are on the stack or none: one bit says so, which the thread keeps.
+            // Whether a receiver has counts on the stack, one bit says, which the thread keeps.
             let bit = v.s_imm(i32::from(counts[0].is_some()));
-            let nothing = v.s_imm(0);
-            if !v.branch(Compare::NotEqual, bit, nothing) {
+            let has_counts = v.branch(Compare::NotEqual, bit, nothing);
+            let horizon = state.horizon.as_ref().and_then(|(lanes, crossing)| {
+                let lanes = *lanes;
+                let bit = scalar!(v, lanes & { 1 << lane });
+                v.branch(Compare::NotEqual, bit, nothing).then_some(crossing)
+            });
+            if !has_counts && horizon.is_none() {
                 continue;
             }
+            let lane_number = v.vset_i32(lane as i32);
+            #[expect(
+                clippy::manual_map,
+                reason = "a closure is not compiled for the host's vector instructions"
+            )]
+            let horizon = match horizon {
+                None => None,
+                Some(Crossing { along, offset, step, .. }) => Some((
+                    [v.vpermute_f32(along[0], lane_number), v.vpermute_f32(along[1], lane_number)],
+                    v.vpermute_f32(*offset, lane_number),
+                    v.vpermute(*step, lane_number),
+                )),
+            };
             let mut number = v.s_imm(0);
-            for count in counts.iter().flatten() {
-                let count = v.vunstack_i32(*count);
+            for (group, count) in counts[..self.groups].iter().enumerate() {
+                let mut count = match *count {
+                    Some(count) => v.vunstack_i32(count),
+                    None => v.vpermute(state.layers, lane_number),
+                };
+                if let Some((along, offset, step)) = horizon {
+                    let place = self.places(v, group);
+                    let across = cross2(v, along, place);
+                    let beyond = v.vcmp_gt(across, offset);
+                    count = v.viadd_or(count, beyond, count, step);
+                }
                 let hidden = v.vicmp_neq(count, none);
                 let bits = v.kmov_to_scalar(hidden);
                 let more = v.s_popcnt(bits);
@@ -359,7 +390,7 @@ fn crossing<V: Vpu>(v: &mut V, [a, b]: [Vec2<V>; 2], left: V::Mask, step: V::I32
     let mut turned = |x: V::F32| v.vsub_or(x, left, zero, x);
     let along = [turned(e[0]), turned(e[1])];
     let offset = turned(offset);
-    Crossing { ends: Some([a, b]), along, offset, step }
+    Crossing { ends: [a, b], along, offset, step }
 }
 
 /// The product `a x b` of vectors in a plane.

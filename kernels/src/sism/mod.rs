@@ -223,18 +223,14 @@ fn run_light(
     let sums = Columns::overwritten(runner.arena, receivers.count);
     hard::count(Walk::new(Kind::Triangles, &grid, &raster, &runs), &primitives, &grid, sums, runner)?;
 
-    let own = light.is_soft().then_some(Own {
-        light,
-        triangles: primitives.triangles,
-        triangle_count: primitives.triangle_count,
-    });
-    if let Some(own) = own {
+    let own = light.is_soft().then(|| Own::new(&primitives));
+    if light.is_soft() {
         runner.phase(&SOFT);
         let walk = Walk::new(Kind::Edges, &grid, &raster, &runs);
         match overlap {
             Overlap::Sum => soft::sum(walk, &primitives, sums, runner)?,
-            Overlap::Bits64 => bits::cover::<4>(walk, &primitives, own, &grid, &runs, sums, runner)?,
-            Overlap::Bits256 => bits::cover::<16>(walk, &primitives, own, &grid, &runs, sums, runner)?,
+            Overlap::Bits64 => bits::cover(walk, 4, &primitives, &grid, &runs, sums, runner)?,
+            Overlap::Bits256 => bits::cover(walk, 16, &primitives, &grid, &runs, sums, runner)?,
         }
     }
 

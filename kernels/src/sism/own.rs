@@ -13,7 +13,7 @@ use lrbsim_isa::Vpu;
 use super::soft::{fixed, view};
 use crate::expression::{each, int};
 use crate::field;
-use crate::irregular::primitives::{BACK, CUTS, FRONT, LightConstants, TriangleRecord};
+use crate::irregular::primitives::{BACK, CUTS, FRONT, LightConstants, Primitives, TriangleRecord};
 use crate::light::View;
 use crate::plane::Vec3;
 use crate::record::{Records, words};
@@ -41,6 +41,12 @@ pub struct OwnTriangles<V: Vpu> {
 }
 
 impl Own {
+    /// What takes out the triangles of `primitives`.
+    pub fn new(primitives: &Primitives) -> Own {
+        let Primitives { light, triangles, triangle_count, .. } = *primitives;
+        Own { light, triangles, triangle_count }
+    }
+
     /// The own triangles of the receivers in `live`, by their numbers; a number that no triangle has is that of a receiver on
     /// none.
     #[inline(always)]

@@ -59,8 +59,8 @@ impl Projection {
     fn beyond_plane(&self, normal: DVec3) -> f64 {
         let slope = DVec2::new(normal.dot(self.basis[0]), normal.dot(self.basis[1]));
         let distance = self.p.dot(normal) / (self.radius * slope.length());
-        // Also false for a plane that the disc lies in, or no plane.
-        if !(distance.abs() < 1.0) {
+        // A plane in which the disc lies, and what is no plane, has no distance.
+        if distance.is_nan() || distance.abs() >= 1.0 {
             return 0.0;
         }
         let across = slope.normalize();
