@@ -4,13 +4,15 @@
 //! CACHE/ab/ab12….json                 a finished point, whole or not there
 //! CACHE/ab/ab12….lock                 held while somebody computes it; the system lets go of it when that process dies
 //! CACHE/locks/HOST-PID-N.lock         such a file between two points
-//! CACHE/ab/ab12….HOST-PID.partial     being written by this process of this host; what a killed one left is removed by
-//!                                     who finishes the point
+//! CACHE/ab/ab12….HOST-PID.partial     being written by this process of this host
 //! ```
+//!
+//! What killed processes left beside finished points is removed by who runs these points next.
 //!
 //! Locks save work and no more: on a file system without locks, or when one outlives its holder, two may compute a point,
 //! and each puts the same whole file in place.
 
+use std::collections::BTreeSet;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
@@ -196,6 +198,27 @@ impl Cache {
         Ok(Claim { file: self.place(key)?, lock: None, spare: self.spare.clone() })
     }
 
+    /// Removes what killed processes left beside the finished points of these keys. Best effort: it is in nobody's way.
+    pub fn tidy(&self, keys: &BTreeSet<&str>) {
+        let groups: BTreeSet<&str> = keys.iter().map(|key| &key[..2]).collect();
+        for group in groups {
+            for entry in std::fs::read_dir(self.folder.join(group)).into_iter().flatten().flatten() {
+                let name = entry.file_name();
+                let name = name.to_string_lossy();
+                let Some((key, extension)) = name.split_once('.').filter(|(key, _)| keys.contains(key))
+                else {
+                    continue;
+                };
+                if extension == "lock" {
+                    // Whoever gets it is alone with it; dropped, its file goes.
+                    drop(Lock::try_now(&entry.path()));
+                } else if extension.ends_with(PARTIAL) && self.file(key).is_file() {
+                    let _ = std::fs::remove_file(entry.path());
+                }
+            }
+        }
+    }
+
     /// The file of a point, in a folder that is there.
     fn place(&self, key: &str) -> Result<PathBuf, BadInput> {
         let file = self.file(key);
@@ -271,25 +294,12 @@ impl Claim {
     pub fn finish(&self, entry: &Entry) -> Result<(), BadInput> {
         let text = serde_json::to_string(entry).expect("an entry has string keys");
         let written = write_with_temporary(&self.file, &partial(&self.file), text.as_bytes());
-        // Somebody else may have put the same file in place meanwhile, and removed what he found beside it.
+        // Somebody else may have put the same file in place meanwhile, and tidied up.
         if let Err(error) = written {
             let is_there = error.source.kind() == io::ErrorKind::NotFound && self.file.is_file();
             return if is_there { Ok(()) } else { Err(error.into()) };
         }
-        self.clean();
         Ok(())
-    }
-
-    /// Removes what killed processes left beside the finished point. Best effort: it is in nobody's way.
-    fn clean(&self) {
-        let (Some(folder), Some(stem)) = (self.file.parent(), self.file.file_stem()) else { return };
-        for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
-            let (name, stem) = (entry.file_name(), stem.to_string_lossy());
-            let name = name.to_string_lossy();
-            if name.ends_with(PARTIAL) && name.split('.').next() == Some(&*stem) {
-                let _ = std::fs::remove_file(entry.path());
-            }
-        }
     }
 }
 
@@ -330,14 +340,21 @@ mod tests {
     }
 
     #[test]
-    fn what_killed_processes_left_goes_when_the_point_is_finished() {
+    fn what_killed_processes_left_beside_finished_points_goes() {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let cache = Cache::open(folder.path()).expect("writable");
         let claim = cache.claim("abc").expect("writable").expect("free");
-        let left = ["abc.a-1.partial", "abcd.a-1.partial"].map(|name| folder.path().join("ab").join(name));
+        let names =
+            ["abc.a-1.partial", "abc.lock", "abe.a-1.partial", "abe.lock", "abd.a-1.partial", "abd.lock"];
+        let left = names.map(|name| folder.path().join("ab").join(name));
         left.iter().for_each(|file| std::fs::write(file, "{\"key\"").expect("writable"));
         claim.finish(&entry("abc")).expect("writable");
-        assert_eq!(left.map(|file| file.exists()), [false, true], "the other is of another point");
+        drop(claim);
+        let held = cache.claim("abe").expect("writable").expect("free");
+        cache.tidy(&["abc", "abe"].into());
+        let there = left.map(|file| file.exists());
+        assert_eq!(there, [false, false, true, true, true, true], "what is held or of others stays");
+        drop(held);
     }
 
     #[test]

@@ -1,11 +1,10 @@
 //! Threads that run the points that are not finished yet, the dearest first, as many at once as fit in memory.
 
 use std::collections::{BTreeMap, VecDeque};
-use std::path::Path;
 use std::sync::{Condvar, Mutex, MutexGuard};
 use std::time::Duration;
 
-use super::cache::{Claim, Entry};
+use super::cache::{Cache, Claim, Entry};
 use super::forecast::Forecast;
 use super::memory;
 use super::run::{Status, StudyProgress};
@@ -24,8 +23,8 @@ pub(super) trait Store: Sync {
     /// Claims a point; `None` while another process computes it and, for `waited` seconds so far, is waited for.
     fn claim(&self, key: &str, waited: f64) -> Result<Option<Claim>, BadInput>;
 
-    /// The folder of the cache.
-    fn folder(&self) -> &Path;
+    /// The cache that finished points are in.
+    fn cache(&self) -> &Cache;
 
     /// Keeps how a claimed point ended.
     fn keep(&self, claim: &Claim, task: &Task, outcome: Result<&mut Entry, &Fault>) -> Result<(), BadInput>;
@@ -49,6 +48,7 @@ pub(super) fn run(
         }
         crew.watch(jobs, progress);
     });
+    store.cache().tidy(&work.tasks.iter().flatten().map(|task| task.key.as_str()).collect());
     let state = crew.state.into_inner().expect("nobody panics with the state in hand");
     let status = state.status(jobs, watch.elapsed().as_secs_f64());
     if let Some(bad) = state.fatal {
@@ -227,7 +227,7 @@ impl<'a> Crew<'a> {
         if let Some(outcome) = self.store.find(&task.key) {
             return Ok(Attempt::Found(outcome));
         }
-        let mut outcome = self.work.run(task, self.store.folder());
+        let mut outcome = self.work.run(task, self.store.cache().folder());
         self.store.keep(&claim, task, outcome.as_mut().map_err(|fault| &*fault))?;
         Ok(Attempt::Ran(outcome.map(|entry| entry.host.seconds).map_err(|fault| fault.message)))
     }

@@ -1,6 +1,6 @@
 //! Runs a study on this machine.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use super::cache::{Cache, Claim, Entry};
 use super::crew::{self, Store};
@@ -79,8 +79,8 @@ impl Store for Cache {
         Cache::claim(self, key)
     }
 
-    fn folder(&self) -> &Path {
-        Cache::folder(self)
+    fn cache(&self) -> &Cache {
+        self
     }
 
     fn keep(&self, claim: &Claim, _task: &Task, outcome: Result<&mut Entry, &Fault>) -> Result<(), BadInput> {

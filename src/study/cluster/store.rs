@@ -90,8 +90,8 @@ impl Store for PlanStore<'_> {
         }
     }
 
-    fn folder(&self) -> &Path {
-        self.cache.folder()
+    fn cache(&self) -> &Cache {
+        &self.cache
     }
 
     fn keep(&self, claim: &Claim, task: &Task, outcome: Result<&mut Entry, &Fault>) -> Result<(), BadInput> {
