@@ -10,6 +10,7 @@ use std::collections::BTreeMap;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::sync::mpsc::RecvTimeoutError;
 use std::time::{Duration, SystemTime};
 
 use common::{Folder, lrbsim, names};
@@ -88,9 +89,17 @@ fn shell(folder: &Folder, line: &str) -> Command {
     command
 }
 
+/// How a process ends and what it has said. One that does not end is ended: the test then fails by what it says.
 fn wait(child: Child) -> (Option<i32>, String) {
+    let (process, (told, heard)) = (child.id(), std::sync::mpsc::channel::<()>());
+    std::thread::spawn(move || {
+        if heard.recv_timeout(Duration::from_secs(150)) == Err(RecvTimeoutError::Timeout) {
+            signal("KILL", process);
+        }
+    });
     let output = child.wait_with_output().expect("it ends");
     let said = [output.stdout, output.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned());
+    drop(told);
     (output.status.code(), said.concat())
 }
 
@@ -377,12 +386,17 @@ impl Cluster {
         command.spawn().expect("the binary starts")
     }
 
-    /// What an administrator does after his controller has forgotten things, while a submitter waits for its end.
+    /// What an administrator does after his controller has forgotten things, while a submitter waits for its end. Tasks
+    /// that it takes to be running and that are not, it finds out about after minutes: these are ended.
     fn repair(&self, submitter: Child) -> (Option<i32>, String) {
         std::thread::scope(|scope| {
             let submitter = scope.spawn(|| wait(submitter));
+            let watch = Stopwatch::start();
             while !submitter.is_finished() {
                 std::thread::sleep(Duration::from_millis(500));
+                if watch.elapsed() > Duration::from_secs(40) {
+                    self.slurm("scancel", &["--me"]);
+                }
                 let drained = self.slurm("sinfo", &["-h", "-N", "-t", "drain", "-o", "%N"]);
                 for node in drained.lines() {
                     self.slurm("scontrol", &["update", &format!("nodename={}", node.trim()), "state=resume"]);
