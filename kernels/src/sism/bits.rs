@@ -36,7 +36,7 @@ use crate::scene::fill;
 use crate::segment::{Vec2, cross};
 
 /// Groups of 16 samples of the light at most.
-const GROUPS_MAX: usize = 16;
+pub const GROUPS_MAX: usize = 16;
 
 /// Directions that the samples are turned to.
 const TURNS: u32 = 16;
