@@ -82,7 +82,7 @@ pub struct Frame {
     pub height: u32,
     /// Part of the light that is seen, in [0, 1].
     pub visibility: Vec<f32>,
-    /// The same by the reference, where one was asked for.
+    /// Part of the light that is seen by the reference, where one was asked for.
     pub reference: Option<Vec<f32>>,
     /// Points that the eye sees, world space: x, y, z a pixel.
     pub points: Vec<f32>,

@@ -30,6 +30,7 @@ pub struct View<V: Vpu> {
     t: Vec3<V>,
     /// Height of the light over the receiver.
     height: V::F32,
+    /// `1 / radius`.
     per_radius: V::F32,
     /// `height / radius`.
     scale: V::F32,
@@ -77,7 +78,7 @@ impl<V: Vpu> View<V> {
         }
     }
 
-    /// The same, with `s` and `t` turned about the middle of the disc.
+    /// This view with `s` and `t` turned about the middle of the disc, by the angle of this cosine and sine.
     #[inline(always)]
     pub fn turned(self, v: &mut V, cos: V::F32, sin: V::F32) -> View<V> {
         let mut turn = |s: V::F32, t: V::F32| {

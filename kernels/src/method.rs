@@ -12,7 +12,7 @@ pub trait Method: Sync {
     /// All phases that the method can have, in order. A program may leave out what a scene does not need.
     fn phases(&self) -> &'static [Phase];
 
-    /// How many lights the light of a frame is to be split into, see [`ShadowInput::parts`]: one, unless the method has an
+    /// How many lights the light of a frame is to be split into, see [`ShadowInput::others`]: one, unless the method has an
     /// option that asks for more.
     fn lights(&self, _options: &Options) -> u32 {
         1

@@ -21,8 +21,7 @@ pub fn segment<V: Vpu>(v: &mut V, live: V::Mask, u0: Vec2<V>, u1: Vec2<V>) -> (V
     // Distance d of the line from the centre.
     let e = [v.vsub(u1[0], u0[0]), v.vsub(u1[1], u0[1])];
     let c = cross(v, u0, u1);
-    let length2 = v.vmul(e[1], e[1]);
-    let length2 = v.vmadd(e[0], e[0], length2);
+    let length2 = dot(v, e, e);
     let per_length = v.vrsqrt(length2);
     let c = v.vabs(c);
     let d = v.vmul(c, per_length);
@@ -75,7 +74,13 @@ pub fn cross<V: Vpu>(v: &mut V, a: Vec2<V>, b: Vec2<V>) -> V::F32 {
 /// How far `u` lies along the direction of `e`.
 #[inline(always)]
 fn along<V: Vpu>(v: &mut V, u: Vec2<V>, e: Vec2<V>, per_length: V::F32) -> V::F32 {
-    let t = v.vmul(u[1], e[1]);
-    let t = v.vmadd(u[0], e[0], t);
+    let t = dot(v, u, e);
     v.vmul(t, per_length)
+}
+
+/// The product `a . b` of vectors in the plane of the light.
+#[inline(always)]
+pub fn dot<V: Vpu>(v: &mut V, a: Vec2<V>, b: Vec2<V>) -> V::F32 {
+    let y = v.vmul(a[1], b[1]);
+    v.vmadd(a[0], b[0], y)
 }

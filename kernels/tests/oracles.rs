@@ -5,8 +5,8 @@ mod common;
 use std::collections::BTreeMap;
 
 use common::{
-    Lanewise, On, Run, back_ends, cases, evaluate, input, input_of_prepared, numbers, of_loops, oracles,
-    polygons, vec3,
+    Lanewise, On, Run, back_ends, cases, evaluate, input, input_of_prepared, loops, numbers, of_loops,
+    oracles, polygons, vec3,
 };
 use lrbsim_isa::{HostSimd, Vpu, math};
 use lrbsim_kernels::field;
@@ -83,12 +83,7 @@ fn winding(loops: &[Vec<DVec2>], nudge: DVec2) -> (i32, f64) {
 #[test]
 fn closed_silhouettes_agree() {
     for case in cases("polygon") {
-        let loops: Vec<Vec<DVec2>> = case["inputs"]["loops"]
-            .as_array()
-            .expect("loops")
-            .iter()
-            .map(|l| l.as_array().expect("points").iter().map(|p| DVec2::from_slice(&numbers(p))).collect())
-            .collect();
+        let loops = loops(&case["inputs"]["loops"]);
         // A vertex exactly on the line of sight has no side. The case asks for the value a millionth of the footprint
         // beside it; in a frame that is what the rounding of the hit point does.
         let at_vertex = loops.iter().flatten().any(|u| *u == DVec2::ZERO);

@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{On, Random, Run, back_ends, cases, input, numbers, of_loops, random_scene, shipped, sphere};
+use common::{On, Random, Run, back_ends, cases, input, loops, of_loops, random_scene, shipped, sphere};
 use lrbsim_isa::HostSimd;
 use lrbsim_kernels::sism::Overlap;
 use lrbsim_workloads::glam::{DVec2, Vec3};
@@ -65,12 +65,7 @@ fn scenes_have_the_samples_covered_that_are() {
 #[test]
 fn occluders_together_hide_what_the_oracles_say() {
     for case in cases("overlap") {
-        let polygons: Vec<Vec<DVec2>> = case["inputs"]["polygons"]
-            .as_array()
-            .expect("polygons")
-            .iter()
-            .map(|l| l.as_array().expect("points").iter().map(|p| DVec2::from_slice(&numbers(p))).collect())
-            .collect();
+        let polygons = loops(&case["inputs"]["polygons"]);
         let input = of_loops(&polygons, DVec2::ZERO);
         let expected = |what: &str| case["expected"][what].as_f64().expect("a number");
         for on in back_ends() {

@@ -119,7 +119,7 @@ pub(crate) fn timed() -> RunReport {
     }
 }
 
-/// The same run, judged by a reference.
+/// A timed run that is judged by a reference.
 pub(crate) fn judged() -> RunReport {
     let mut report = timed();
     report.image.error = Some(ImageError {

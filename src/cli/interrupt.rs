@@ -11,7 +11,7 @@ pub(crate) fn on_interrupt(last: impl FnMut() + Send + 'static) {
     on_interrupt_exit(INTERRUPTED, last);
 }
 
-/// The same with another exit code.
+/// On an interrupt, does `last` and ends the process as [`on_interrupt`] does, with exit code `code`.
 pub(crate) fn on_interrupt_exit(code: i32, mut last: impl FnMut() + Send + 'static) {
     let handler = move || {
         last();

@@ -5,7 +5,7 @@ use std::sync::{Condvar, Mutex, MutexGuard};
 use std::time::Duration;
 
 use super::cache::{Cache, Claim, Entry};
-use super::forecast::Forecast;
+use super::ledger::{Ledger, Outcome};
 use super::memory;
 use super::run::{Status, StudyProgress};
 use super::work::{Fault, Task, Work};
@@ -30,9 +30,6 @@ pub(super) trait Store: Sync {
     fn keep(&self, claim: &Claim, task: &Task, outcome: Result<&mut Entry, &Fault>) -> Result<(), BadInput>;
 }
 
-/// How a point ended: the error where it has no result.
-pub(super) type Outcome = Result<(), String>;
-
 /// Runs the points of `work` that `store` has not, `jobs` at once, and tells how each ended.
 pub(super) fn run(
     work: &Work,
@@ -54,8 +51,7 @@ pub(super) fn run(
     if let Some(bad) = state.fatal {
         return Err(bad);
     }
-    let outcomes = work.first.iter().map(|first| state.over[*first].clone().expect("nobody waits any more"));
-    Ok((outcomes.collect(), status))
+    Ok((state.ledger.outcomes(work), status))
 }
 
 /// The threads and what they share.
@@ -74,11 +70,7 @@ struct State {
     busy: BTreeMap<usize, f64>,
     running: usize,
     memory: u64,
-    over: Vec<Option<Outcome>>,
-    forecast: Forecast,
-    found: usize,
-    computed: usize,
-    failed: usize,
+    ledger: Ledger,
     /// Why the crew cannot go on.
     fatal: Option<BadInput>,
 }
@@ -94,30 +86,7 @@ impl State {
     }
 
     fn status(&self, jobs: usize, now: f64) -> Status {
-        Status {
-            points: self.over.len(),
-            found: self.found,
-            computed: self.computed,
-            failed: self.failed,
-            running: self.running,
-            part_done: self.forecast.part_done(now),
-            seconds: now,
-            seconds_left: self.forecast.left(now, jobs),
-        }
-    }
-
-    fn end(&mut self, index: usize, outcome: Result<f64, String>, computed: bool) {
-        match &outcome {
-            Ok(seconds) => {
-                *(if computed { &mut self.computed } else { &mut self.found }) += 1;
-                self.forecast.done(index, *seconds);
-            }
-            Err(_) => {
-                self.failed += 1;
-                self.forecast.gone(index);
-            }
-        }
-        self.over[index] = Some(outcome.map(|_| ()));
+        self.ledger.status(self.running, now, self.ledger.forecast.left(now, jobs))
     }
 }
 
@@ -128,25 +97,17 @@ impl<'a> Crew<'a> {
             busy: BTreeMap::new(),
             running: 0,
             memory: 0,
-            over: vec![None; work.tasks.len()],
-            forecast: work.forecast(),
-            found: 0,
-            computed: 0,
-            failed: 0,
+            ledger: Ledger::of(work),
             fatal: None,
         };
         for (index, task) in work.tasks.iter().enumerate() {
-            match task {
-                Err(error) => state.end(index, Err(error.clone()), false),
-                Ok(_) if work.first[index] != index => {
-                    // It is another point's double.
-                    state.found += 1;
-                    state.forecast.gone(index);
-                }
-                Ok(task) => match store.find(&task.key) {
-                    Some(outcome) => state.end(index, outcome, false),
-                    None => state.waiting.push_back(index),
-                },
+            let Ok(task) = task else { continue };
+            if work.first[index] != index {
+                continue;
+            }
+            match store.find(&task.key) {
+                Some(outcome) => state.ledger.end(index, outcome, false),
+                None => state.waiting.push_back(index),
             }
         }
         // The dearest first: the end is then not one worker's.
@@ -188,8 +149,8 @@ impl<'a> Crew<'a> {
                     state.busy.entry(index).or_insert(now);
                     state.waiting.push_back(index);
                 }
-                Ok(Attempt::Found(outcome)) => state.end(index, outcome, false),
-                Ok(Attempt::Ran(outcome)) => state.end(index, outcome, true),
+                Ok(Attempt::Found(outcome)) => state.ledger.end(index, outcome, false),
+                Ok(Attempt::Ran(outcome)) => state.ledger.end(index, outcome, true),
                 Err(bad) => state.fatal = Some(bad),
             }
             self.changed.notify_all();
@@ -211,7 +172,7 @@ impl<'a> Crew<'a> {
                 state.running += 1;
                 state.memory += task(index).memory;
                 let now = self.now();
-                state.forecast.begin(index, now);
+                state.ledger.forecast.begin(index, now);
                 return Some((index, task(index)));
             }
             state = self.changed.wait_timeout(state, TICK).expect("nobody panics with the state in hand").0;
@@ -245,6 +206,7 @@ enum Attempt {
 
 #[cfg(test)]
 mod tests {
+    use super::super::forecast::Forecast;
     use super::*;
 
     #[test]
@@ -254,11 +216,7 @@ mod tests {
             busy: BTreeMap::new(),
             running: 0,
             memory: 0,
-            over: Vec::new(),
-            forecast: Forecast::new(std::iter::empty()),
-            found: 0,
-            computed: 0,
-            failed: 0,
+            ledger: Ledger::new(0, Forecast::new(std::iter::empty())),
             fatal: None,
         };
         assert!(state.has_room(1000, 100), "one runs, however large");

@@ -12,6 +12,7 @@ mod cluster;
 mod crew;
 mod file;
 mod forecast;
+mod ledger;
 mod memory;
 mod output;
 mod points;

@@ -11,8 +11,8 @@ use lrbsim_reports::{Digest, page};
 use serde_json::Value;
 
 use super::cache::Cache;
-use super::crew::Outcome;
 use super::file::Study;
+use super::ledger::Outcome;
 use super::run::Status;
 use super::work::Work;
 use crate::error::BadInput;

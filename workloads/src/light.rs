@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::mesh::distance_to_triangle;
-use crate::reference::spiral;
+use crate::reference::{GOLDEN_ANGLE, spiral};
 
 /// An area light, in world units. A directional light is a far one.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -166,7 +166,7 @@ impl Light {
 fn in_ball(i: u32, count: u32) -> DVec3 {
     // A spiral around a sphere, outward and inward by the bits of the number read backward.
     let along = 1.0 - 2.0 * (f64::from(i) + 0.5) / f64::from(count);
-    let angle = f64::from(i) * core::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
+    let angle = f64::from(i) * GOLDEN_ANGLE;
     let across = (1.0 - along * along).sqrt();
     let direction = DVec3::new(across * libm::cos(angle), across * libm::sin(angle), along);
     let part = (f64::from(i.reverse_bits()) + 0.5 * 4_294_967_296.0 / f64::from(count)) / 4_294_967_296.0;

@@ -45,8 +45,8 @@ pub struct ShadowInput {
     pub receiver_triangle: Vec<u32>,
     /// Pixel of each receiver, `y * width + x`, ascending.
     pub receiver_pixel: Vec<u32>,
-    /// The same frame about each of the lights that its own is split into; none where it is not.
-    pub parts: Vec<ShadowInput>,
+    /// Where a light is split, the inputs of this frame about its other parts; this one is about the first.
+    pub others: Vec<ShadowInput>,
 }
 
 impl ShadowInput {
@@ -59,10 +59,10 @@ impl ShadowInput {
     /// Forms the input of one frame whose light is split into `count` lights, see [`Light::split`].
     #[must_use]
     pub fn of_lights(scene: &Scene, count: u32, adjacency: &Adjacency, eye: &EyeView) -> Self {
-        let lights = scene.light.split(count);
-        let parts = lights.iter().map(|light| Self::about(light, &scene.mesh, adjacency, eye));
-        let parts = if lights.len() > 1 { parts.collect() } else { Vec::new() };
-        Self { parts, ..Self::new(scene, adjacency, eye) }
+        let parts = scene.light.split(count);
+        let mut inputs = parts.iter().map(|light| Self::about(light, &scene.mesh, adjacency, eye));
+        let first = inputs.next().expect("a light has a part at least");
+        Self { others: inputs.collect(), ..first }
     }
 
     /// Forms the input of one frame about `light`.
@@ -104,7 +104,7 @@ impl ShadowInput {
             receivers: eye.points.iter().map(|&p| scaled(p)).collect(),
             receiver_triangle: eye.triangles.iter().map(|&t| adjacency.stands_for[t as usize]).collect(),
             receiver_pixel: eye.pixels.clone(),
-            parts: Vec::new(),
+            others: Vec::new(),
         }
     }
 }

@@ -31,9 +31,9 @@ use crate::irregular::receivers::Receiver;
 use crate::irregular::run::{Runs, Samples, Shade, Split, Walk};
 use crate::light::View;
 use crate::plane::side;
-use crate::record::{Record, Records};
+use crate::record::Record;
 use crate::scene::fill;
-use crate::segment::{Vec2, cross};
+use crate::segment::{Vec2, cross, dot};
 
 /// Groups of 16 samples of the light at most.
 pub const GROUPS_MAX: usize = 16;
@@ -68,8 +68,7 @@ pub fn cover(
     let bits = Bits {
         walk,
         groups,
-        own: Own::new(primitives),
-        edges: primitives.edges,
+        own: Own { primitives: *primitives },
         grid: *grid,
         splits: runs.splits,
         sums,
@@ -107,7 +106,6 @@ struct Bits {
     /// Number of groups of 16 samples of the light.
     groups: usize,
     own: Own,
-    edges: Records<EdgeRecord>,
     grid: Grid,
     /// Which blocks have layers.
     splits: Columns<Split>,
@@ -229,7 +227,7 @@ impl Shade for Bits {
         let turn = int!(v, (pixel * golden) >> shift);
         let cos = v.vgather_f32_or(zero, live, self.turns.column(field!(Turn.cos)), turn);
         let sin = v.vgather_f32_or(zero, live, self.turns.column(field!(Turn.sin)), turn);
-        let view = view(v, &self.own.light, samples.position).turned(v, cos, sin);
+        let view = view(v, &self.own.primitives.light, samples.position).turned(v, cos, sin);
 
         let layers = self.layers(v, samples);
         let mut state = Covered { view, layers, counts: [[None; GROUPS_MAX]; 16], horizon: None };
@@ -264,12 +262,12 @@ impl Shade for Bits {
         entry: Record<V, CellRecord>,
     ) {
         let number = entry.scalar(v, field!(CellRecord.primitive));
-        let edge = self.edges.record(v, number);
+        let edge = self.own.primitives.edges.record(v, number);
         let (live, [a, b]) = on_disc(v, &state.view, samples.live, edge);
         // Does the edge come to the disc at all: nearer than a radius, and not past the chord of its line?
         let e = [v.vsub(b[0], a[0]), v.vsub(b[1], a[1])];
         let zero = v.vset_f32(0.0);
-        let length2 = dot2(v, e, e);
+        let length2 = dot(v, e, e);
         let across = cross(v, a, b);
         let across2 = v.vmul(across, across);
         let chord2 = v.vsub(length2, across2);
@@ -278,7 +276,7 @@ impl Shade for Bits {
             return;
         }
         let mut past = |u: Vec2<V>, after: bool| {
-            let t = dot2(v, u, e);
+            let t = dot(v, u, e);
             let t2 = v.vmul(t, t);
             let far = v.vcmp_ge_masked(live, t2, chord2);
             if after { v.vcmp_gt_masked(far, t, zero) } else { v.vcmp_lt_masked(far, t, zero) }
@@ -393,16 +391,9 @@ fn crossing<V: Vpu>(v: &mut V, [a, b]: [Vec2<V>; 2], left: V::Mask, step: V::I32
     Crossing { ends: [a, b], along, offset, step }
 }
 
-/// The product `a x b` of vectors in a plane.
+/// The product `a x b` of vectors in the plane of the light, where nothing is lost that matters: of samples, which lie on the disc.
 #[inline(always)]
 fn cross2<V: Vpu>(v: &mut V, a: Vec2<V>, b: Vec2<V>) -> V::F32 {
     let right = v.vmul(a[1], b[0]);
     v.vmsub(a[0], b[1], right)
-}
-
-/// The product `a . b` of vectors in a plane.
-#[inline(always)]
-fn dot2<V: Vpu>(v: &mut V, a: Vec2<V>, b: Vec2<V>) -> V::F32 {
-    let y = v.vmul(a[1], b[1]);
-    v.vmadd(a[0], b[0], y)
 }

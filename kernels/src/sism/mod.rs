@@ -100,14 +100,14 @@ impl Method for Sism {
         runner: &mut Runner<'_>,
     ) -> Result<Shadows, Stopped> {
         let overlap = [Overlap::Sum, Overlap::Bits64, Overlap::Bits256][options.word("overlap")];
-        let lights = if input.parts.is_empty() { core::slice::from_ref(input) } else { &input.parts };
         let visibility = runner.arena.overwritten(u64::from(input.width * input.height));
         let first = runner.arena.used_bytes();
         let mut silhouette_edges = None;
-        for (number, light) in (0..).zip(lights) {
+        let of = 1 + input.others.len() as u32;
+        for (number, light) in (0..).zip(core::iter::once(input).chain(&input.others)) {
             // Each where the one before was: nothing but the picture outlives its light.
             runner.arena.give_back(first);
-            let picture = Picture { visibility, number, of: lights.len() as u32 };
+            let picture = Picture { visibility, number, of };
             let primitives = run_light(light, overlap, picture, runner)?.primitives;
             if primitives.light.is_soft() {
                 *silhouette_edges.get_or_insert(0) += u64::from(primitives.edge_count);
@@ -223,7 +223,7 @@ fn run_light(
     let sums = Columns::overwritten(runner.arena, receivers.count);
     hard::count(Walk::new(Kind::Triangles, &grid, &raster, &runs), &primitives, &grid, sums, runner)?;
 
-    let own = light.is_soft().then(|| Own::new(&primitives));
+    let own = light.is_soft().then_some(Own { primitives });
     if light.is_soft() {
         runner.phase(&SOFT);
         let walk = Walk::new(Kind::Edges, &grid, &raster, &runs);

@@ -13,21 +13,17 @@ use lrbsim_isa::Vpu;
 use super::soft::{fixed, view};
 use crate::expression::{each, int};
 use crate::field;
-use crate::irregular::primitives::{BACK, CUTS, FRONT, LightConstants, Primitives, TriangleRecord};
+use crate::irregular::primitives::{BACK, CUTS, FRONT, Primitives, TriangleRecord};
 use crate::light::View;
 use crate::plane::Vec3;
-use crate::record::{Records, words};
+use crate::record::words;
 use crate::segment::{Vec2, segment};
 
 /// What takes the own triangles of receivers out of their sums.
 #[derive(Clone, Copy)]
 pub struct Own {
-    /// The light that is seen.
-    pub light: LightConstants,
-    /// Records of all triangles.
-    pub triangles: Records<TriangleRecord>,
-    /// Number of triangles.
-    pub triangle_count: u32,
+    /// The light that is seen, and all triangles.
+    pub primitives: Primitives,
 }
 
 /// The own triangles of 16 receivers.
@@ -41,22 +37,21 @@ pub struct OwnTriangles<V: Vpu> {
 }
 
 impl Own {
-    /// What takes out the triangles of `primitives`.
-    pub fn new(primitives: &Primitives) -> Own {
-        let Primitives { light, triangles, triangle_count, .. } = *primitives;
-        Own { light, triangles, triangle_count }
-    }
-
     /// The own triangles of the receivers in `live`, by their numbers; a number that no triangle has is that of a receiver on
     /// none.
     #[inline(always)]
     pub fn triangles<V: Vpu>(&self, v: &mut V, live: V::Mask, number: V::I32) -> OwnTriangles<V> {
         let none = v.vset_i32(0);
         let words = v.vset_i32(words::<TriangleRecord>() as i32);
-        let count = v.vset_i32(self.triangle_count as i32);
+        let count = v.vset_i32(self.primitives.triangle_count as i32);
         let live = v.vucmp_lt_masked(live, number, count);
         let at = int!(v, number * words);
-        let flags = v.vgather_i32_or(none, live, self.triangles.field(field!(TriangleRecord.flags[0])), at);
+        let flags = v.vgather_i32_or(
+            none,
+            live,
+            self.primitives.triangles.field(field!(TriangleRecord.flags[0])),
+            at,
+        );
         let bit = v.vset_i32(CUTS);
         let cuts = int!(v, flags & bit);
         OwnTriangles { cut: v.vicmp_neq(cuts, none), at, flags }
@@ -67,7 +62,7 @@ impl Own {
     pub fn parts<V: Vpu>(&self, v: &mut V, points: Vec3<V>, own: &OwnTriangles<V>) -> [V::I32; 2] {
         let none = v.vset_i32(0);
         let zero = v.vset_f32(0.0);
-        let view = view(v, &self.light, points);
+        let view = view(v, &self.primitives.light, points);
         let (live, [from, to]) = self.horizon(v, &view, own);
         let (live, part) = segment(v, live, from, to);
         let part = fixed(v, part, zero);
@@ -89,7 +84,7 @@ impl Own {
     ) -> (V::Mask, [Vec2<V>; 2]) {
         let zero = v.vset_f32(0.0);
         let normal = each!(axis in [0, 1, 2] => {
-            let normals = self.triangles.field(field!(TriangleRecord.normal[axis]));
+            let normals = self.primitives.triangles.field(field!(TriangleRecord.normal[axis]));
             v.vgather_f32_or(zero, own.cut, normals, own.at)
         });
         view.horizon(v, own.cut, normal)

@@ -440,6 +440,14 @@ pub fn sphere(radius: f64) -> Light {
     Light::Sphere { center: DVec3::ZERO, radius }
 }
 
+/// The loops of points in an oracle's list of lists.
+pub fn loops(value: &Value) -> Vec<Vec<DVec2>> {
+    let points = |points: &Value| {
+        points.as_array().expect("points").iter().map(|p| DVec2::from_slice(&numbers(p))).collect()
+    };
+    value.as_array().expect("loops").iter().map(points).collect()
+}
+
 /// A frame in which the one receiver sees loops `loops`, given in radii of the light, on the light's disc.
 ///
 /// Occluder in the plane z = 1, receiver at z = 2, radius 1. Fans of concave loops overlap themselves: counted as shells,

@@ -11,9 +11,9 @@ use std::time::Duration;
 
 use lrbsim_reports::lock::Lock;
 
-use super::super::crew::{Outcome, Store as _};
+use super::super::crew::Store as _;
 use super::super::file::Study;
-use super::super::forecast::Forecast;
+use super::super::ledger::Ledger;
 use super::super::output::StudyOutput;
 use super::super::run::{Options, Status, StudyProgress};
 use super::super::work::Work;
@@ -95,12 +95,11 @@ pub fn run_on_slurm(
             "points that failed are not run again; remove {folder} to have them tried once more"
         ));
     }
-    Ok(Some(StudyOutput::new(study, &work, run.outcomes(), store.cache.clone(), status)))
+    Ok(Some(StudyOutput::new(study, &work, run.ledger.outcomes(&work), store.cache.clone(), status)))
 }
 
 /// A study on its way.
 struct Run<'a> {
-    work: &'a Work<'a>,
     plan: &'a Plan,
     store: &'a PlanStore<'a>,
     watch: Stopwatch,
@@ -110,53 +109,29 @@ struct Run<'a> {
     shard_of: BTreeMap<usize, usize>,
     /// Points without a result.
     missing: BTreeSet<usize>,
-    /// How each point that is over ended.
-    over: Vec<Option<Outcome>>,
-    forecast: Forecast,
-    found: usize,
-    computed: usize,
-    failed: usize,
+    ledger: Ledger,
 }
 
 impl<'a> Run<'a> {
     fn new(
-        work: &'a Work<'a>,
+        work: &Work,
         plan: &'a Plan,
         store: &'a PlanStore<'a>,
         watch: Stopwatch,
         threads: usize,
     ) -> Run<'a> {
         let mut run = Run {
-            work,
             plan,
             store,
             watch,
             threads,
             shard_of: BTreeMap::new(),
             missing: BTreeSet::new(),
-            over: vec![None; work.tasks.len()],
-            forecast: work.forecast(),
-            found: 0,
-            computed: 0,
-            failed: 0,
+            ledger: Ledger::of(work),
         };
         for (number, part) in plan.shards.iter().enumerate() {
             run.shard_of.extend(part.points.iter().map(|point| (*point, number)));
             run.missing.extend(&part.points);
-        }
-        for (index, task) in work.tasks.iter().enumerate() {
-            match task {
-                Err(error) => {
-                    run.failed += 1;
-                    run.forecast.gone(index);
-                    run.over[index] = Some(Err(error.clone()));
-                }
-                Ok(_) if work.first[index] != index => {
-                    run.found += 1;
-                    run.forecast.gone(index);
-                }
-                Ok(_) => {}
-            }
         }
         run.look(|_| true, false);
         run
@@ -169,17 +144,7 @@ impl<'a> Run<'a> {
         for point in asked {
             let Some(outcome) = self.store.find(&self.plan.basis.keys[point]) else { continue };
             self.missing.remove(&point);
-            match &outcome {
-                Ok(seconds) => {
-                    *(if new { &mut self.computed } else { &mut self.found }) += 1;
-                    self.forecast.done(point, *seconds);
-                }
-                Err(_) => {
-                    self.failed += 1;
-                    self.forecast.gone(point);
-                }
-            }
-            self.over[point] = Some(outcome.map(|_| ()));
+            self.ledger.end(point, outcome, new);
         }
     }
 
@@ -188,24 +153,11 @@ impl<'a> Run<'a> {
         self.missing.iter().map(|point| self.shard_of[point]).collect()
     }
 
-    fn outcomes(self) -> Vec<Outcome> {
-        let Run { work, over, .. } = self;
-        work.first.iter().map(|first| over[*first].clone().expect("no point is missing")).collect()
-    }
-
     fn status(&self, queue: &[Task]) -> Status {
         let running = queue.iter().filter(|task| task.is_running()).count();
         let now = self.watch.elapsed().as_secs_f64();
-        Status {
-            points: self.work.tasks.len(),
-            found: self.found,
-            computed: self.computed,
-            failed: self.failed,
-            running,
-            part_done: self.forecast.part_done(now),
-            seconds: now,
-            seconds_left: (running > 0).then(|| self.forecast.left(now, running * self.threads)).flatten(),
-        }
+        let left = (running > 0).then(|| self.ledger.forecast.left(now, running * self.threads)).flatten();
+        self.ledger.status(running, now, left)
     }
 
     /// Submits the shards that miss a point and are not queued from before.

@@ -53,7 +53,7 @@ impl<'a> PlanStore<'a> {
         Ok(PlanStore { cache, failed, build, node: None, log: &Quiet, changed: AtomicBool::new(false) })
     }
 
-    /// The same for a worker that tells `log` of its points, on a node of this name if it has one.
+    /// This store for a worker that tells `log` of its points, on a node of this name if it has one.
     pub fn of_worker(self, node: Option<String>, log: &'a dyn StudyProgress) -> PlanStore<'a> {
         PlanStore { node: node.filter(|name| !name.is_empty()), log, ..self }
     }

@@ -17,5 +17,6 @@ mod tests;
 pub use hard::{HardHit, hard_test};
 pub use metrics::ErrorMetrics;
 pub use occluders::{Occluders, Projection};
+pub(crate) use rays::GOLDEN_ANGLE;
 pub use rays::{Rays, Truth, shadow_rays, spiral};
 pub use segment::area_beyond;

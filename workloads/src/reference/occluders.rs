@@ -192,11 +192,9 @@ impl Occluders {
         self.edges.len()
     }
 
-    /// The sums (F, B) at receiver `p` (light-centred), not clamped; the triangle `own` does not shadow it.
-    #[must_use]
-    pub fn sums(&self, p: DVec3, own: u32) -> (f64, f64) {
-        let (mut front, mut back) = (0.0, 0.0);
-        // Umbra: layers between receiver and the middle of the light.
+    /// Layers in F and B between receiver `p` (light-centred) and the middle of the light, the umbra.
+    fn layers(&self, p: DVec3, own: u32) -> EdgeWeights {
+        let mut layers = EdgeWeights::default();
         for (face, id) in self.faces.iter().zip(0_u32..) {
             if id == own || (face.front == 0 && face.back == 0) {
                 continue;
@@ -207,10 +205,18 @@ impl Occluders {
                 && hit.t > 0.0
                 && hit.t < greatest_t(v)
             {
-                front += f64::from(face.front);
-                back += f64::from(face.back);
+                layers.front += face.front;
+                layers.back += face.back;
             }
         }
+        layers
+    }
+
+    /// The sums (F, B) at receiver `p` (light-centred), not clamped; the triangle `own` does not shadow it.
+    #[must_use]
+    pub fn sums(&self, p: DVec3, own: u32) -> (f64, f64) {
+        let layers = self.layers(p, own);
+        let (mut front, mut back) = (f64::from(layers.front), f64::from(layers.back));
         // Penumbra: what each silhouette takes from the layers or adds to them.
         if self.radius > 0.0 {
             let projection = Projection::new(p, self.radius, self.normal);
@@ -240,15 +246,7 @@ impl Occluders {
     /// less at each silhouette that the way to the sample crosses.
     #[must_use]
     pub fn covered_samples(&self, p: DVec3, own: u32, places: &[DVec2]) -> usize {
-        let mut middle = EdgeWeights::default();
-        for (face, _) in self.faces.iter().zip(0_u32..).filter(|(_, id)| *id != own) {
-            let v = face.index.map(|v| self.vertices[v as usize]);
-            let hit = hard_test(v, face.index, p).filter(|hit| hit.inside && hit.t > 0.0);
-            if hit.is_some_and(|hit| hit.t < greatest_t(v)) && (face.front, face.back) != (0, 0) {
-                middle.front += face.front;
-                middle.back += face.back;
-            }
-        }
+        let middle = self.layers(p, own);
         let mut counts = vec![middle; places.len()];
         let projection = Projection::new(p, self.radius, self.normal);
         for edge in &self.edges {

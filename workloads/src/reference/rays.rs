@@ -11,7 +11,7 @@ use crate::light::Light;
 use crate::mesh::Mesh;
 
 /// π (3 - √5): successive samples of the spiral.
-const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
+pub(crate) const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
 /// Rays of a receiver from which on the triangles that may block them are collected first.
 const SHAFT_RAYS_MIN: usize = 8;
 /// Triangles that are tried one after the other; where more may block, the hierarchy finds them faster.
@@ -176,7 +176,7 @@ impl Rays {
         count
     }
 
-    /// The same number, each ray on its own.
+    /// How many of the rays from `p` on triangle `own` are blocked, found for each ray on its own.
     pub(super) fn hidden_one_by_one(&self, bvh: &Bvh, p: DVec3, own: u32, turn: f64) -> u32 {
         self.count_blocked(&self.spread(p, turn), |target| {
             bvh.any(p, target - p, 0.0, 1.0, |t, corners| t != own && parts(corners, p, target))
