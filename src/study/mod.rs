@@ -19,6 +19,7 @@ pub use cache::Cache;
 pub use file::{Study, builtin_study_names};
 pub use forecast::Forecast;
 pub use recipe::Recipe;
+pub(crate) use run::said;
 pub use run::{Options, Status, StudyOutput, StudyProgress, run_study};
 
 use lrbsim_reports::analysis::{Finding, findings, markdown};
@@ -38,13 +39,7 @@ pub fn default_dir(name: &str) -> PathBuf {
 pub fn drawings(study: &StudyReport) -> Vec<(String, Vec<u8>)> {
     let findings = findings(study);
     let mut files = vec![("table.md".to_owned(), markdown(study, &findings).into_bytes())];
-    for Finding { name, sheet, plot, .. } in &findings {
-        files.push((format!("{name}.csv"), sheet.csv().into_bytes()));
-        if let Some(plot) = plot {
-            files.push((format!("{name}.svg"), plot.svg().into_bytes()));
-            files.push((format!("{name}.png"), plot.png()));
-        }
-    }
+    files.extend(findings.iter().flat_map(Finding::files));
     files.push(("report.html".to_owned(), page::of_study(study).into_bytes()));
     files
 }
