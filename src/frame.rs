@@ -160,7 +160,10 @@ pub(crate) fn check_warm_frames(frames: u32) -> Result<(), BadInput> {
 }
 
 /// Runs `work`, and what it runs in parallel, on at most `threads` host threads.
-pub(crate) fn on_host_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> Result<T, BadInput> {
+pub(crate) fn on_host_threads<T: Send>(
+    threads: usize,
+    work: impl FnOnce() -> T + Send,
+) -> Result<T, BadInput> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     let pool =
         pool.map_err(|error| BadInput::new(format!("the host gives no {threads} threads: {error}")))?;

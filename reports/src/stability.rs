@@ -202,9 +202,7 @@ impl StabilityFamily {
         match at.len() {
             0 => None,
             all if all == self.points.len() && all > 1 => Some("every point".to_owned()),
-            more if more > SHOWN => {
-                Some(format!("{} and {} more", at[..SHOWN].join(", "), more - SHOWN))
-            }
+            more if more > SHOWN => Some(format!("{} and {} more", at[..SHOWN].join(", "), more - SHOWN)),
             _ => Some(at.join(", ")),
         }
     }
@@ -252,9 +250,8 @@ impl StabilityFamily {
                 ),
             });
         }
-        let warned = |point: &StabilityPoint| {
-            point.measured().is_some_and(|measured| !measured.warnings.is_empty())
-        };
+        let warned =
+            |point: &StabilityPoint| point.measured().is_some_and(|measured| !measured.warnings.is_empty());
         if let Some(at) = self.breaking(warned) {
             seen.push(format!("The program warns at {at}."));
         }
@@ -522,7 +519,10 @@ mod tests {
         let verdicts: Vec<_> = report.families[0].points.iter().map(StabilityPoint::verdict).collect();
         assert_eq!(verdicts, ["holds", "holds", "arithmetic breaks", "method breaks", "refused"]);
         let seen = report.families[0].seen().join(" ");
-        assert!(seen.contains("arithmetic breaks at 1e6:") && seen.contains("method itself breaks at 1e7:"), "{seen}");
+        assert!(
+            seen.contains("arithmetic breaks at 1e6:") && seen.contains("method itself breaks at 1e7:"),
+            "{seen}"
+        );
         assert!(seen.contains("refuses 1e9") && seen.contains("without a warning at 1e7"), "{seen}");
         assert_eq!(report.count(), (5, 0));
     }

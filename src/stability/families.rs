@@ -99,10 +99,9 @@ fn floor() -> Parts {
 /// A floor with a block that stands on it and a slanted sheet over it.
 fn plain() -> Parts {
     let at = DVec3::new;
-    floor().block("block", at(-1.1, 0.0, -0.4), at(-0.5, 0.7, 0.2)).quad(
-        "sheet",
-        [at(0.1, 0.9, -0.5), at(0.1, 1.1, 0.4), at(0.9, 1.3, 0.4), at(0.9, 1.1, -0.5)],
-    )
+    floor()
+        .block("block", at(-1.1, 0.0, -0.4), at(-0.5, 0.7, 0.2))
+        .quad("sheet", [at(0.1, 0.9, -0.5), at(0.1, 1.1, 0.4), at(0.9, 1.3, 0.4), at(0.9, 1.1, -0.5)])
 }
 
 /// Where the lamp mostly hangs.
@@ -121,8 +120,8 @@ pub const FAMILIES: &[Family] = &[
         varied: "Every length is multiplied by the same number: floor, block, sheet, lamp and camera.",
         meaning: "A model in millimeters and one in kilometers must give the same picture: nothing may depend on the unit.",
         points: &[
-            1e-36, 1e-30, 1e-20, 1e-12, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 1e2, 1e3, 1e4, 1e5, 1e6,
-            1e12, 1e20, 1e30, 1e37, 1e39,
+            1e-36, 1e-30, 1e-20, 1e-12, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 1e2, 1e3, 1e4, 1e5,
+            1e6, 1e12, 1e20, 1e30, 1e37, 1e39,
         ],
         make: |x| plain_setup().placed(x, |p| p * x),
     },
@@ -142,9 +141,7 @@ pub const FAMILIES: &[Family] = &[
         axis: "radius, sizes of the scene",
         varied: "The lamp grows from a point to a million times the scene; its middle stays.",
         meaning: "A point casts hard shadows and an endless lamp next to none; from about 0.5 on this lamp is cut by the floor.",
-        points: &[
-            0.0, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 0.3, 1.0, 10.0, 1e2, 1e3, 1e4, 1e5, 1e6, 1e9, 1e10,
-        ],
+        points: &[0.0, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 0.3, 1.0, 10.0, 1e2, 1e3, 1e4, 1e5, 1e6, 1e9, 1e10],
         make: |x| Setup::new(plain(), LAMP, x * SIZE),
     },
     Family {
@@ -237,8 +234,7 @@ pub const FAMILIES: &[Family] = &[
         points: &[16.0, 8.0, 4.0, 2.0, 1.5, 1.1, 1.01, 1.001, 1.000_001, 1.0],
         make: |x| {
             let at = |y: f64, z: f64| DVec3::new(-RADIUS * x, y, z);
-            let parts =
-                floor().quad("sheet", [at(0.8, -0.6), at(0.9, 0.6), at(2.9, 0.5), at(3.1, -0.5)]);
+            let parts = floor().quad("sheet", [at(0.8, -0.6), at(0.9, 0.6), at(2.9, 0.5), at(3.1, -0.5)]);
             Setup::new(parts, DVec3::new(0.0, 2.0, 0.03), RADIUS)
         },
     },
@@ -280,11 +276,8 @@ pub const FAMILIES: &[Family] = &[
                 turned(DVec3::new(1.2 * s - 0.6, 0.0, 1.2 * t - 0.6)) + DVec3::new(0.1, 1.2, 0.0)
             };
             let columns = [0.0, 0.4, 0.4 + x, 1.0];
-            let corners: Vec<DVec3> = columns
-                .iter()
-                .flat_map(|s| [at(*s, 0.0), at(*s, 1.0)])
-                .chain([at(0.2, -x)])
-                .collect();
+            let corners: Vec<DVec3> =
+                columns.iter().flat_map(|s| [at(*s, 0.0), at(*s, 1.0)]).chain([at(0.2, -x)]).collect();
             let fields = [0, 2, 4].map(|a| [[a, a + 1, a + 3], [a, a + 3, a + 2]]);
             let triangles: Vec<[u32; 3]> = fields.into_iter().flatten().chain([[0, 2, 8]]).collect();
             Setup::new(floor().with("sheet", &corners, &triangles), LAMP, RADIUS)
@@ -298,18 +291,15 @@ pub const FAMILIES: &[Family] = &[
         meaning: "The edges of both halves are borders of their own and lie along one another; light must not leak between.",
         points: &[0.0, 1.0, 3.0, 7.0, 15.0, 63.0, 255.0, 1023.0],
         make: |x| {
-            let at = |s: f64, t: f64| {
-                turned(DVec3::new(0.6 * s, 0.0, 1.2 * t - 0.6)) + DVec3::new(0.1, 1.2, 0.0)
-            };
+            let at =
+                |s: f64, t: f64| turned(DVec3::new(0.6 * s, 0.0, 1.2 * t - 0.6)) + DVec3::new(0.1, 1.2, 0.0);
             let count = x as u32 + 1;
             let corners: Vec<DVec3> = (0..=count)
                 .map(|k| f64::from(k) / f64::from(count))
                 .flat_map(|t| [at(0.0, t), at(1.0, t)])
                 .collect();
-            let triangles: Vec<[u32; 3]> = (0..count)
-                .map(|k| 2 * k)
-                .flat_map(|a| [[a, a + 2, a + 3], [a, a + 3, a + 1]])
-                .collect();
+            let triangles: Vec<[u32; 3]> =
+                (0..count).map(|k| 2 * k).flat_map(|a| [[a, a + 2, a + 3], [a, a + 3, a + 1]]).collect();
             let parts = floor()
                 .quad("left half", [at(-1.0, 0.0), at(-1.0, 1.0), at(0.0, 1.0), at(0.0, 0.0)])
                 .with("right half", &corners, &triangles);

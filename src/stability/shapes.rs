@@ -40,8 +40,7 @@ impl Parts {
             DVec3::new(side(0, low.x, high.x), side(1, low.y, high.y), side(2, low.z, high.z))
         };
         let corners: Vec<DVec3> = (0..8).map(corner).collect();
-        let quads =
-            [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+        let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
         let triangles: Vec<[u32; 3]> =
             quads.iter().flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]).collect();
         self.with(name, &corners, &triangles)
@@ -64,7 +63,8 @@ impl Parts {
         let corner = |i: u32| {
             let part = |k: u32| 2.0 * f64::from(k) / f64::from(sides) - 1.0;
             let (x, z) = (part(i % row), part(i / row));
-            center + DVec3::new(x, 0.1 * DVec2::from_angle(7.0 * x).y * DVec2::from_angle(5.0 * z).x, z) * half
+            center
+                + DVec3::new(x, 0.1 * DVec2::from_angle(7.0 * x).y * DVec2::from_angle(5.0 * z).x, z) * half
         };
         let corners: Vec<DVec3> = (0..row * row).map(corner).collect();
         let field = |i: u32| {
