@@ -3,9 +3,9 @@
 mod common;
 
 use common::Folder;
+use lrbsim::HostOptions;
 use lrbsim::progress::Quiet;
 use lrbsim::stability::{StabilityRequest, family_names, run_stability};
-use lrbsim::HostOptions;
 use lrbsim_reports::stability::{Outcome, StabilityReport};
 
 fn run(only: Option<&str>, threads: usize) -> StabilityReport {
@@ -18,12 +18,18 @@ fn run(only: Option<&str>, threads: usize) -> StabilityReport {
 fn the_study_of_stability_leaves_words_tables_and_plots_that_can_be_drawn_again() {
     let folder = Folder::new();
     let printed = folder.run(&["study", "stability", "--only", "needle"]).ok().stdout();
-    assert!(printed.contains("Silhouettes inside the lamp") && printed.contains("11 points, 0 failed"), "{printed}");
+    assert!(
+        printed.contains("Silhouettes inside the lamp") && printed.contains("11 points, 0 failed"),
+        "{printed}"
+    );
     let left = common::names(&folder.path("out/study-stability"));
-    for name in ["breaks.csv", "needle.csv", "needle.svg", "needle.png", "table.md", "report.html", "stability.json"] {
+    for name in
+        ["breaks.csv", "needle.csv", "needle.svg", "needle.png", "table.md", "report.html", "stability.json"]
+    {
         assert!(left.iter().any(|file| file == name), "{name}: {left:?}");
     }
-    let read = |name: &str| std::fs::read(folder.path(&format!("out/study-stability/{name}"))).expect("readable");
+    let read =
+        |name: &str| std::fs::read(folder.path(&format!("out/study-stability/{name}"))).expect("readable");
     let before = left.iter().map(|name| read(name)).collect::<Vec<_>>();
     let text = String::from_utf8(read("stability.json")).expect("text");
     let report: StabilityReport = serde_json::from_str(&text).expect("own JSON");
@@ -60,6 +66,8 @@ fn no_picture_of_a_reduced_study_holds_anything_but_parts_of_the_light() {
 fn a_family_that_is_not_there_is_refused() {
     let folder = Folder::new();
     folder.run(&["study", "stability", "--only", "xyz"]).refused(&["no family of `stability`", "t-junction"]);
-    folder.run(&["study", "cores", "--only", "xyz"]).refused(&["`--only` is for `lrbsim study stability` alone"]);
+    folder
+        .run(&["study", "cores", "--only", "xyz"])
+        .refused(&["`--only` is for `lrbsim study stability` alone"]);
     folder.run(&["study", "stabilty"]).refused(&["did you mean `stability`?"]);
 }
