@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{On, Random, Run, input, shipped};
+use common::{On, Random, Run, input, polygons, shipped};
 use lrbsim_isa::HostSimd;
 use lrbsim_workloads::glam::DVec3;
 use lrbsim_workloads::reference::Occluders;
@@ -125,4 +125,25 @@ fn a_light_that_moves_through_a_thousand_places_shows_no_seam() {
 /// The sine of `x`, as the y of a direction.
 fn sine(x: f64) -> f64 {
     lrbsim_workloads::glam::DVec2::from_angle(x).y
+}
+
+/// A face in whose plane the middle of the light lies is no layer and its edges weigh nothing, though it hides nearly half of the
+/// light from a receiver just over the plane. A hair higher, it counts. [deviations, "Where pictures break"]
+#[test]
+fn a_face_whose_plane_holds_the_middle_of_the_light_is_left_out() {
+    let corners = [(-2.0, -2.0), (-2.0, 2.0), (2.0, 2.0), (2.0, -2.0)].map(|(x, z)| DVec3::new(x, 0.0, z));
+    let sheet = polygons(&[corners.to_vec()]);
+    let receivers = [(DVec3::new(0.0, 0.05, 0.1), u32::MAX)];
+    let visible = |height: f64| {
+        let light = Light::Sphere { center: DVec3::new(3.2, height, 0.0), radius: 0.25 };
+        let input = input(sheet.clone(), light, &receivers);
+        [
+            f64::from(Run::new(&input, on()).visibility()[0]),
+            Occluders::from_input(&input).visibility(&input)[0],
+        ]
+    };
+    for (above, below) in visible(1e-6).into_iter().zip(visible(-1e-6)) {
+        assert!((above - 0.576).abs() < 0.01 && (below - 0.576).abs() < 0.01, "{above} and {below}");
+    }
+    assert_eq!(visible(0.0), [1.0, 1.0]);
 }
