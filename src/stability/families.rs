@@ -32,12 +32,12 @@ pub struct Family {
 }
 
 impl Family {
-    /// Whether the point at `x` takes more than a second or two.
+    /// Whether the point at `x` takes longer than others.
     pub fn is_dear(&self, x: f64) -> bool {
         match self.id {
             "image" => x > 1000.0,
-            "triangles" => x > 1e5,
-            "disc" => x > 1e4,
+            "triangles" => x > 1e4,
+            "disc" => x > 1e3,
             _ => false,
         }
     }

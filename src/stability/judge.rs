@@ -39,7 +39,7 @@ pub(super) fn judge(scene: &Scene, algorithm: &Algorithm, host: HostOptions) -> 
     let pairs = receivers * (scene.mesh.triangles.len() + silhouette_edges.unwrap_or(0) as usize);
     let step = pairs.div_ceil(PAIRS_MAX).min(receivers / RECEIVERS_MIN).max(1);
     let some = every(step, &eye);
-    let ours: Vec<f64> = visibility.iter().step_by(step).map(|v| f64::from(*v)).collect();
+    let ours: Vec<f64> = every_number(step, &visibility);
     let of_scene = Occluders::from_mesh(&scene.mesh, &adjacency, &scene.light).visibility_of_view(
         &adjacency,
         &scene.light,
@@ -59,7 +59,7 @@ pub(super) fn judge(scene: &Scene, algorithm: &Algorithm, host: HostOptions) -> 
     // By shadow rays.
     let step = receivers.div_ceil(RAY_RECEIVERS_MAX).max(1);
     let some = every(step, &eye);
-    let seen: Vec<f64> = visibility.iter().step_by(step).map(|v| f64::from(*v)).collect();
+    let seen: Vec<f64> = every_number(step, &visibility);
     let truth = Truth::new(&scene.mesh, &scene.light, &some, SAMPLES, &|| ());
     let mut warnings: Vec<String> =
         scene.warnings(&adjacency).iter().map(|warning| warning.to_string()).collect();
@@ -89,6 +89,12 @@ fn draw(algorithm: &Algorithm, input: &ShadowInput, host: HostOptions) -> Result
     shadows.map_err(|stopped| BadInput::new(stopped.to_string()))
 }
 
+/// Every `step`th visibility. One that is no number is off by a whole light or more: it must neither hide in a sum nor spoil it.
+fn every_number(step: usize, visibility: &[f32]) -> Vec<f64> {
+    let number = |visible: &f32| if visible.is_finite() { f64::from(*visible) } else { 2.0 };
+    visibility.iter().step_by(step).map(number).collect()
+}
+
 /// Every `step`th receiver of a view.
 fn every(step: usize, eye: &EyeView) -> EyeView {
     EyeView {
@@ -107,8 +113,7 @@ fn off(truth: &[f64], ours: &[f64]) -> Off {
         receivers: truth.len() as u64,
         max: differences().fold(0.0, f64::max),
         mean: differences().sum::<f64>() / truth.len().max(1) as f64,
-        // A difference that is no number counts.
-        off: differences().filter(|difference| !(*difference <= SLIGHT)).count() as u64,
+        off: differences().filter(|difference| *difference > SLIGHT).count() as u64,
     }
 }
 

@@ -60,7 +60,8 @@ impl Projection {
         let slope = DVec2::new(normal.dot(self.basis[0]), normal.dot(self.basis[1]));
         let distance = self.p.dot(normal) / (self.radius * slope.length());
         // Also false for a plane that the disc lies in, or no plane.
-        if !(distance.abs() < 1.0) {
+        let cuts = distance.abs() < 1.0;
+        if !cuts {
             return 0.0;
         }
         let across = slope.normalize();
