@@ -379,8 +379,8 @@ impl StabilityReport {
                  brute force by more than 0.001, or where any value is no number or not from 0 to 1. The method is said to \
                  break where its mean error beside the rays, over receivers in shadow or penumbra, is more than {} past \
                  twice the rays' own error. Where there are many receivers, every so-manyth is compared.",
-                short(100.0 * OFF_SHARE_MAX),
-                short(RAYS_MEAN_MAX)
+                label(100.0 * OFF_SHARE_MAX),
+                label(RAYS_MEAN_MAX)
             ),
         ]
     }
