@@ -161,7 +161,10 @@ pub(crate) fn check_warm_frames(frames: u32) -> Result<(), BadInput> {
 }
 
 /// Runs `work`, and what it runs in parallel, on at most `threads` host threads.
-fn on_host_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> Result<T, BadInput> {
+pub(crate) fn on_host_threads<T: Send>(
+    threads: usize,
+    work: impl FnOnce() -> T + Send,
+) -> Result<T, BadInput> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     let pool = pool
         .map_err(|error| BadInput::new(format!("the host gives no {threads} threads: {error}")).passing())?;
@@ -217,7 +220,7 @@ fn simulate(
 }
 
 /// A host that is too small for the frame.
-fn no_memory(error: ArenaError) -> BadInput {
+pub(crate) fn no_memory(error: ArenaError) -> BadInput {
     BadInput::new(error.to_string()).passing().with_help(
         "a smaller image or mesh needs less; so does a host that limits the address space less (`ulimit -v`)",
     )

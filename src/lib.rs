@@ -33,6 +33,7 @@ pub mod published;
 pub mod reference;
 pub mod results;
 mod settings;
+pub mod stability;
 pub mod study;
 pub mod validate;
 pub mod written;

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use lrbsim_reports::RunReport;
 use lrbsim_reports::compare::{Comparison, PictureChange, compare, inputs, picture_change, shortened, sum};
 use lrbsim_reports::sheet::show_value;
+use lrbsim_reports::stability::StabilityReport;
 use lrbsim_reports::study::{StudyFile, StudyReport};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
@@ -14,6 +15,7 @@ use serde_json::Value;
 
 use crate::error::BadInput;
 use crate::json;
+use crate::stability;
 
 /// The results of a run or of a study, as their file has them.
 #[derive(Debug, Clone)]
@@ -22,6 +24,8 @@ pub enum Results {
     Run(Box<RunReport>),
     /// The results of a study.
     Study(Box<StudyReport>),
+    /// The results of the study of stability.
+    Stability(Box<StabilityReport>),
 }
 
 /// Results that were written, and the folder where they lie.
@@ -37,7 +41,7 @@ impl Written {
     /// Reads the results at `path`: a folder with `report.json` or `study.json`, or one of these files.
     pub fn load(path: &Path) -> Result<Written, BadInput> {
         let file = if path.is_dir() {
-            let names = ["study.json", "report.json"].map(|name| path.join(name));
+            let names = ["study.json", "report.json", stability::FILE].map(|name| path.join(name));
             let found: Vec<&PathBuf> = names.iter().filter(|file| file.is_file()).collect();
             match found[..] {
                 [file] => file.clone(),
@@ -50,10 +54,13 @@ impl Written {
                         "name a folder that `lrbsim run -o` or `lrbsim study -o` wrote, or such a file",
                     ));
                 }
-                _ => {
+                [first, second, ..] => {
+                    let name = |file: &PathBuf| file.file_name().unwrap_or_default().display().to_string();
                     return Err(BadInput::new(format!(
-                        "`{}` has both `report.json` and `study.json`",
-                        path.display()
+                        "`{}` has both `{}` and `{}`",
+                        path.display(),
+                        name(second),
+                        name(first)
                     ))
                     .with_help("name one of these files"));
                 }
@@ -67,6 +74,8 @@ impl Written {
         let tree: Value = json::read(&shown, &text)?;
         let results = if tree.get("points").is_some() {
             Results::Study(Box::new(read_versioned(&shown, &text)?))
+        } else if tree.get("families").is_some() {
+            Results::Stability(Box::new(read_versioned(&shown, &text)?))
         } else {
             Results::Run(Box::new(read_versioned(&shown, &text)?))
         };
@@ -143,6 +152,10 @@ impl Changes {
                 Ok(Changes { whole: compare(run_a, run_b, picture), points: Vec::new(), unmatched: 0 })
             }
             (Results::Study(a), Results::Study(b)) => of_studies(a, b),
+            (Results::Stability(_), _) | (_, Results::Stability(_)) => {
+                Err(BadInput::new("the study of stability has no times to compare")
+                    .with_help("its `table.md` and CSV files are text: `diff` tells what changed"))
+            }
             _ => Err(BadInput::new("one is a run and the other a study").with_help("compare two of a kind")),
         }
     }

@@ -170,12 +170,15 @@ fn every_written_file_keeps_its_schema() {
         r#"{"name": "s", "base": {"scene": "tiny"}, "axes": [{"path": "l2.ways", "values": [8, 100]}]}"#,
     );
     assert_eq!(folder.run(&["study", "s.json", "-o", "study"]).code(), Some(1), "one point fails");
+    // With a point that is refused.
+    folder.run(&["study", "stability", "--only", "scale", "-o", "stability"]).ok();
     for (format, file) in [
         ("report", "timed/report.json"),
         ("report", "untimed/report.json"),
         ("host", "timed/host.json"),
         ("study", "s.json"),
         ("study-report", "study/study.json"),
+        ("stability", "stability/stability.json"),
     ] {
         holds(&schema(&folder, format), &folder.path(file));
     }

@@ -5,6 +5,7 @@
 //!           └► table              terminal text, as Table 2 of Johnson et al. 2009
 //! StudyReport ─► study.json     everything that came out of a study
 //!           └► digest           what is kept of it in memory ─► analysis: tables and plots, page
+//! StabilityReport ─► stability.json, tables and plots of it
 //! picture   ─► image.png, visibility.png, the hash that names a picture
 //! npy       ─► dumps
 //! Validation ─► rows of published and simulated figures
@@ -35,6 +36,7 @@ pub mod run;
 #[cfg(test)]
 mod sample;
 pub mod sheet;
+pub mod stability;
 pub mod study;
 pub mod table;
 pub mod validation;

@@ -6,6 +6,7 @@ use clap::{Args, ValueEnum};
 use lrbsim::choices;
 use lrbsim_machine::MachineConfig;
 use lrbsim_reports::frames::FramesReport;
+use lrbsim_reports::stability::StabilityReport;
 use lrbsim_reports::study::{StudyFile, StudyHosts, StudyReport};
 use lrbsim_reports::{HostReport, RunReport, dictionary};
 use lrbsim_workloads::SceneFile;
@@ -36,6 +37,8 @@ enum Format {
     StudyReport,
     /// What a study cost the hosts that ran it, host.json.
     StudyHosts,
+    /// The result of `study stability`, stability.json.
+    Stability,
     /// The frames of a moving scene, frames.json.
     Frames,
     /// Every number of a report with its unit and meaning, as Markdown.
@@ -55,6 +58,7 @@ pub(crate) fn run(args: &SchemaArgs, out: &mut impl Write) -> Result<(), Failure
         Format::Host => schema_for!(HostReport),
         Format::StudyReport => schema_for!(StudyReport),
         Format::StudyHosts => schema_for!(StudyHosts),
+        Format::Stability => schema_for!(StabilityReport),
         Format::Frames => schema_for!(FramesReport),
         Format::Counters => {
             out.write_all(dictionary::markdown().as_bytes())?;

@@ -7,11 +7,13 @@ use std::sync::Mutex;
 
 use clap::{Args, Subcommand, ValueEnum};
 use indicatif::ProgressBar;
+use lrbsim::progress::Stopwatch;
 use lrbsim::reference::DEFAULT_CACHE;
 use lrbsim::results::spare_inputs;
+use lrbsim::stability::{self, StabilityRequest};
 use lrbsim::study::{self, Options, SlurmOptions, Status, Study, StudyProgress, run_on_slurm, run_study};
 use lrbsim::written::replaced_study;
-use lrbsim::{Algorithm, BadInput};
+use lrbsim::{Algorithm, BadInput, HostOptions};
 use lrbsim_reports::analysis::findings;
 use lrbsim_reports::files::ResultDir;
 use lrbsim_reports::table::counted;
@@ -52,6 +54,10 @@ pub(crate) struct StudyArgs {
     #[arg(long)]
     resume: bool,
 
+    /// Only families of `stability` whose names contain this.
+    #[arg(long, value_name = "PATTERN")]
+    only: Option<String>,
+
     /// Print the results as JSON on standard output, and nothing else there.
     #[arg(long)]
     json: bool,
@@ -76,7 +82,7 @@ struct ExportArgs {
 /// What is run.
 #[derive(Debug, Args)]
 struct What {
-    /// A shipped study or a study file (.json); see `lrbsim schema study`.
+    /// A shipped study, `stability`, or a study file (.json); see `lrbsim schema study`.
     study: PathBuf,
 
     /// Folder of finished points, shared by studies.
@@ -168,6 +174,19 @@ fn run_points(what: &What, args: &StudyArgs, out: &mut impl Write) -> Result<boo
         None => std::thread::available_parallelism().map_or(1, |threads| threads.get()),
         Some(jobs) => sound_jobs(jobs)?,
     };
+    if what.study == Path::new(stability::NAME) {
+        if slurm {
+            return Err(BadInput::new("`stability` takes a minute or two and runs on this machine alone")
+                .with_help("leave `--engine slurm` out")
+                .into());
+        }
+        return run_stability(args, jobs, out);
+    }
+    if args.only.is_some() {
+        return Err(BadInput::new(format!("`--only` is for `lrbsim study {}` alone", stability::NAME))
+            .with_help("the axes of a study file say which points are run")
+            .into());
+    }
     let study = what.load()?;
     let target = args.out.clone().unwrap_or_else(|| study::default_dir(&study.file.name));
     let inputs: Vec<PathBuf> = study.path.iter().cloned().collect();
@@ -251,6 +270,39 @@ fn run_points(what: &What, args: &StudyArgs, out: &mut impl Write) -> Result<boo
         writeln!(out, "{replaced}")?;
     }
     Ok(status.failed == 0)
+}
+
+/// Runs the study of stability, whose points are a list of scenes of its own; none is kept in the cache.
+fn run_stability(args: &StudyArgs, jobs: usize, out: &mut impl Write) -> Result<bool, Failure> {
+    let target = args.out.clone().unwrap_or_else(|| study::default_dir(stability::NAME));
+    ResultDir::open(&target)
+        .map_err(|error| BadInput::from(error).with_help("`-o` must name a folder that can be written"))?;
+    on_interrupt(|| ());
+    let watch = Stopwatch::start();
+    let bar = super::progress::Bar::new(std::io::stderr().is_terminal());
+    let host = HostOptions { threads: jobs, ..HostOptions::default() };
+    let request = StabilityRequest { only: args.only.clone(), quick: false, host };
+    let report = stability::run_stability(&request, &bar)?;
+    bar.finish();
+    let paths = stability::write(&target, &report)?;
+    let (points, failed) = report.count();
+    if args.json {
+        out.write_all(report.to_json().as_bytes())?;
+        return Ok(failed == 0);
+    }
+    let findings = report.findings();
+    writeln!(out, "{}\n\n{}", findings[0].title, findings[0].sheet.terminal())?;
+    let points = counted(points as u64, "point");
+    writeln!(out, "{points}, {failed} failed; {:.1} s", watch.elapsed().as_secs_f64())?;
+    let page = target.join("report.html");
+    writeln!(
+        out,
+        "wrote {}, {} and {} more files beside it",
+        page.display(),
+        stability::FILE,
+        paths.len() - 2
+    )?;
+    Ok(failed == 0)
 }
 
 /// Bar on standard error, measured in work and not in points: points differ in cost.

@@ -50,7 +50,8 @@ impl Study {
             return Study::from_text(&format!("{name}.json"), text, None, yes);
         }
         if !looks_like_file(path) {
-            return Err(unknown_name(path, "study", "FILE.json", &builtin_study_names()));
+            let known = [&builtin_study_names()[..], &[crate::stability::NAME]].concat();
+            return Err(unknown_name(path, "study", "FILE.json", &known));
         }
         let text = json::text(path)?;
         Study::from_text(&path.display().to_string(), &text, Some(path.to_owned()), yes)

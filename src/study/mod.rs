@@ -29,6 +29,7 @@ pub use forecast::Forecast;
 pub use output::{StudyOutput, drawings};
 pub use recipe::Recipe;
 pub use run::{Options, Status, StudyProgress, run_study};
+pub(crate) use work::said;
 
 use crate::results::safe_name;
 

@@ -33,6 +33,19 @@ pub struct Finding {
     pub plot: Option<Plot>,
 }
 
+impl Finding {
+    /// The files of the finding: its table, and its plot where there is one; names and bytes.
+    pub fn files(&self) -> Vec<(String, Vec<u8>)> {
+        let Finding { name, sheet, plot, .. } = self;
+        let mut files = vec![(format!("{name}.csv"), sheet.csv().into_bytes())];
+        if let Some(plot) = plot {
+            files.push((format!("{name}.svg"), plot.svg().into_bytes()));
+            files.push((format!("{name}.png"), plot.png()));
+        }
+        files
+    }
+}
+
 /// Runs the analyses that a study asks for, the table first.
 pub fn findings(digest: &Digest) -> Vec<Finding> {
     let data = Data::of(digest);

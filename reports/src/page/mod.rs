@@ -7,7 +7,7 @@ use lrbsim_machine::{MachineConfig, builtin_machine};
 use serde::Serialize;
 use serde_json::Value;
 
-use crate::analysis::findings;
+use crate::analysis::{Finding, findings};
 use crate::base64;
 use crate::digest::Digest;
 use crate::frames::FramesReport;
@@ -15,6 +15,7 @@ use crate::host::HostReport;
 use crate::picture::{ERROR_COLORS, ERROR_SCALE_END};
 use crate::run::RunReport;
 use crate::sheet::{Cell, Sheet};
+use crate::stability::StabilityReport;
 
 const HTML: &str = include_str!("page.html");
 const CSS: &str = include_str!("page.css");
@@ -85,18 +86,7 @@ pub fn of_frames(frames: &FramesReport, worst: &RunReport, all: &[Picture], pict
 /// The page of a study.
 pub fn of_study(digest: &Digest) -> String {
     let study = &digest.study;
-    let findings: Vec<Value> = findings(digest)
-        .iter()
-        .map(|finding| {
-            serde_json::json!({
-                "name": finding.name,
-                "title": finding.title,
-                "notes": finding.notes,
-                "sheet": sheet(&finding.sheet),
-                "svg": finding.plot.as_ref().map(|plot| plot.svg_without_font()),
-            })
-        })
-        .collect();
+    let findings: Vec<Value> = findings(digest).iter().map(finding).collect();
     let reports = study.points.iter().filter_map(|point| point.report.as_ref());
     let data = serde_json::json!({
         "kind": "study",
@@ -107,6 +97,36 @@ pub fn of_study(digest: &Digest) -> String {
         "findings": findings,
     });
     page(&study.study.name, &data)
+}
+
+/// The page of a study of stability.
+pub fn of_stability(report: &StabilityReport) -> String {
+    let findings: Vec<Value> = report.findings().iter().map(finding).collect();
+    let about: Vec<Value> = report
+        .families
+        .iter()
+        .map(|family| serde_json::json!({"varied": family.varied, "meaning": family.meaning, "seen": family.seen()}))
+        .collect();
+    let data = serde_json::json!({
+        "kind": "stability",
+        "title": "How stable the pictures are",
+        "introduction": report.introduction(),
+        "report": report,
+        "findings": findings,
+        "about": about,
+    });
+    page("How stable the pictures are", &data)
+}
+
+/// A finding as the page takes it.
+fn finding(finding: &Finding) -> Value {
+    serde_json::json!({
+        "name": finding.name,
+        "title": finding.title,
+        "notes": finding.notes,
+        "sheet": sheet(&finding.sheet),
+        "svg": finding.plot.as_ref().map(|plot| plot.svg_without_font()),
+    })
 }
 
 /// A sheet as the page takes it: numbers stay numbers, so that they sort as such.

@@ -317,9 +317,14 @@ function runSections(report, pictures) {
   ].filter((part) => part !== null);
 }
 
-function findingSection(finding) {
+function plotOf(finding) {
   const plot = finding.svg ? element("div", { class: "paper" }) : null;
   if (plot) plot.innerHTML = finding.svg.replace(/(<svg[^>]*?) width="(\d+)" height="(\d+)"/, "$1");
+  return plot;
+}
+
+function findingSection(finding) {
+  const plot = plotOf(finding);
   return section(finding.title, plot, table(finding.sheet.columns, finding.sheet.rows), ...finding.notes.map(note));
 }
 
@@ -334,6 +339,18 @@ function studySections(study) {
   return [element("p", {}, study.study.question), ...data.findings.map(findingSection), ...failed, good.length ? section("One point", pick, holder, data.left_out ? note(`The reports of ${data.left_out} more points are in study.json.`) : null) : note("No point has a result.")];
 }
 
+// Words first: whoever reads of it for the first time finds numbers under each family, when wanted.
+function stabilitySections() {
+  const [whole, ...families] = data.findings;
+  const paragraph = (text) => element("p", {}, text);
+  const family = (finding, index) => {
+    const { varied, meaning, seen } = data.about[index];
+    return section(finding.title, paragraph(`${varied} ${meaning}`), paragraph(seen.join(" ")), plotOf(finding), ...finding.notes.slice(seen.length).map(note),
+      element("details", {}, element("summary", {}, `all ${finding.sheet.rows.length} points`), table(finding.sheet.columns, finding.sheet.rows)));
+  };
+  return [...data.introduction.map(paragraph), section(whole.title, table(whole.sheet.columns, whole.sheet.rows)), ...families.map(family)];
+}
+
 function framesSections(frames) {
   const timed = frames.frames.every((frame) => frame.ms !== null);
   const ids = frames.frames[0].phases.map((phase) => phase.id);
@@ -345,5 +362,5 @@ function framesSections(frames) {
 }
 
 document.getElementById("title").textContent = data.title;
-const makers = { run: () => runSections(data.report, data.pictures), study: () => studySections(data.study), frames: () => framesSections(data.frames) };
+const makers = { run: () => runSections(data.report, data.pictures), study: () => studySections(data.study), stability: stabilitySections, frames: () => framesSections(data.frames) };
 main.append(...makers[data.kind]());

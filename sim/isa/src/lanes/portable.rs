@@ -1,4 +1,7 @@
 //! The definition of every operation: plain loops over arrays.
+//!
+//! Hosts other than x86-64 run these, inlined into every kernel. On x86-64 few hosts lack AVX2, and kernels call them: inlined
+//! they were most of the machine code of all kernels, and of the time to compile it.
 
 #![expect(unsafe_code, reason = "memory operations take host pointers whose range the caller has checked")]
 
@@ -78,27 +81,27 @@ impl Lanes for Portable {
         a
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn add(a: F, b: F) -> F {
         zip(a, b, |a, b| a + b)
     }
-    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn sub(a: F, b: F) -> F {
         zip(a, b, |a, b| a - b)
     }
-    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn mul(a: F, b: F) -> F {
         zip(a, b, |a, b| a * b)
     }
-    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn min(a: F, b: F) -> F {
         zip(a, b, |a, b| if a < b { a } else { b })
     }
-    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn max(a: F, b: F) -> F {
         zip(a, b, |a, b| if a > b { a } else { b })
     }
-    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn madd(a: F, b: F, c: F) -> F {
         let mut out = c;
         for i in 0..LANES {
@@ -106,7 +109,7 @@ impl Lanes for Portable {
         }
         out
     }
-    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn msub(a: F, b: F, c: F) -> F {
         let mut out = c;
         for i in 0..LANES {
@@ -114,7 +117,7 @@ impl Lanes for Portable {
         }
         out
     }
-    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn nmadd(a: F, b: F, c: F) -> F {
         let mut out = c;
         for i in 0..LANES {
@@ -122,131 +125,131 @@ impl Lanes for Portable {
         }
         out
     }
-    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn rcp(a: F) -> F {
         map(a, |a| 1.0 / a)
     }
-    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn rsqrt(a: F) -> F {
         map(a, |a| 1.0 / a.sqrt())
     }
-    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn floor(a: F) -> F {
         map(a, f32::floor)
     }
-    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn nearest(a: F) -> F {
         map(a, f32::round_ties_even)
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn iadd(a: I, b: I) -> I {
         zip(a, b, i32::wrapping_add)
     }
-    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn isub(a: I, b: I) -> I {
         zip(a, b, i32::wrapping_sub)
     }
-    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn imul(a: I, b: I) -> I {
         zip(a, b, i32::wrapping_mul)
     }
-    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn imin(a: I, b: I) -> I {
         zip(a, b, i32::min)
     }
-    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn imax(a: I, b: I) -> I {
         zip(a, b, i32::max)
     }
-    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn and(a: I, b: I) -> I {
         zip(a, b, |a, b| a & b)
     }
-    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn or(a: I, b: I) -> I {
         zip(a, b, |a, b| a | b)
     }
-    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn xor(a: I, b: I) -> I {
         zip(a, b, |a, b| a ^ b)
     }
-    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn andn(a: I, b: I) -> I {
         zip(a, b, |a, b| !a & b)
     }
-    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn sll(a: I, b: I) -> I {
         zip(a, b, |a, b| if (b as u32) < 32 { a << b } else { 0 })
     }
-    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn srl(a: I, b: I) -> I {
         zip(a, b, |a, b| if (b as u32) < 32 { (a as u32 >> b) as i32 } else { 0 })
     }
-    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn sra(a: I, b: I) -> I {
         zip(a, b, |a, b| a >> (b as u32).min(31))
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn lt(a: F, b: F) -> u16 {
         mask(a, b, |a, b| a < b)
     }
-    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn le(a: F, b: F) -> u16 {
         mask(a, b, |a, b| a <= b)
     }
-    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn eq(a: F, b: F) -> u16 {
         mask(a, b, |a, b| a == b)
     }
-    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn ilt(a: I, b: I) -> u16 {
         mask(a, b, |a, b| a < b)
     }
-    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn ieq(a: I, b: I) -> u16 {
         mask(a, b, |a, b| a == b)
     }
-    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn ult(a: I, b: I) -> u16 {
         mask(a, b, |a, b| (a as u32) < b as u32)
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn blend_f(k: u16, on: F, off: F) -> F {
         select(k, on, off)
     }
-    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn blend_i(k: u16, on: I, off: I) -> I {
         select(k, on, off)
     }
-    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn to_float(a: I) -> F {
         map(a, |a| a as f32)
     }
-    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn to_int(a: F) -> I {
         map(a, |a| if (-2_147_483_648.0..2_147_483_648.0).contains(&a) { a as i32 } else { i32::MIN })
     }
-    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn bits(a: F) -> I {
         map(a, |a| a.to_bits() as i32)
     }
-    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn from_bits(a: I) -> F {
         map(a, |a| f32::from_bits(a as u32))
     }
-    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn canonical(a: F) -> F {
         map(a, |a| if a.is_nan() { f32::from_bits(CANONICAL_NAN) } else { a })
     }
-    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn permute(a: I, index: I) -> I {
         map(index, |i| a[(i & 15) as usize])
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn distinct(k: u16, a: I) -> u16 {
         let values = Self::to_i(a);
         let (mut live, mut first) = (k, 0);
@@ -267,7 +270,7 @@ impl Lanes for Portable {
         // SAFETY: the caller vouches for 64 bytes.
         unsafe { to.cast::<I>().write_unaligned(a) }
     }
-    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     unsafe fn load_masked(or: I, k: u16, from: *const i32) -> I {
         let mut out = or;
         for (i, lane) in out.iter_mut().enumerate() {
@@ -278,7 +281,7 @@ impl Lanes for Portable {
         }
         out
     }
-    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     unsafe fn store_masked(k: u16, to: *mut i32, a: I) {
         for (i, lane) in a.into_iter().enumerate() {
             if k >> i & 1 == 1 {
@@ -287,7 +290,7 @@ impl Lanes for Portable {
             }
         }
     }
-    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     unsafe fn gather(or: I, k: u16, base: *const i32, index: I) -> I {
         let mut out = or;
         for i in 0..LANES {
@@ -298,7 +301,7 @@ impl Lanes for Portable {
         }
         out
     }
-    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     unsafe fn scatter(k: u16, base: *mut i32, index: I, a: I) {
         for i in 0..LANES {
             if k >> i & 1 == 1 {
@@ -307,7 +310,7 @@ impl Lanes for Portable {
             }
         }
     }
-    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     unsafe fn expand(or: I, k: u16, from: *const i32) -> I {
         let mut out = or;
         let mut next = from;
@@ -320,7 +323,7 @@ impl Lanes for Portable {
         }
         out
     }
-    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     unsafe fn compress(k: u16, to: *mut i32, a: I) {
         let mut next = to;
         for (i, lane) in a.into_iter().enumerate() {
@@ -331,7 +334,7 @@ impl Lanes for Portable {
             }
         }
     }
-    #[inline(always)]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     unsafe fn store_distinct(k: u16, to: *mut i32, a: I) -> u32 {
         let values = Self::to_i(a);
         let (mut live, mut count) = (k, 0);

@@ -1,0 +1,132 @@
+//! How right one picture is.
+
+use lrbsim_isa::{Arena, Runner, Step, run_functional};
+use lrbsim_kernels::method::Shadows;
+use lrbsim_reports::stability::{Measured, Off, OffRays};
+use lrbsim_workloads::glam::Vec3;
+use lrbsim_workloads::reference::{ErrorMetrics, Occluders, Truth};
+use lrbsim_workloads::{Adjacency, EyeView, Scene, ShadowInput};
+
+use crate::algorithm::Algorithm;
+use crate::error::BadInput;
+use crate::frame::{HostOptions, no_memory};
+
+/// Shadow rays of a receiver.
+pub(super) const SAMPLES: u32 = 256;
+
+/// Receivers times triangles and edges that brute force looks at; of more receivers it takes every so-manyth.
+const PAIRS_MAX: usize = 60_000_000;
+
+/// Receivers that brute force looks at where there are so many, whatever it costs.
+const RECEIVERS_MIN: usize = 64;
+
+/// Receivers that shadow rays are cast from; of more they take every so-manyth.
+const RAY_RECEIVERS_MAX: usize = 16_384;
+
+/// Parts of the light from which on a receiver counts as off.
+const SLIGHT: f64 = 1e-3;
+
+/// Draws `scene` with `algorithm` and compares the picture with brute force and with shadow rays.
+pub(super) fn judge(scene: &Scene, algorithm: &Algorithm, host: HostOptions) -> Result<Measured, BadInput> {
+    let eye = EyeView::render(&scene.mesh, &scene.camera, scene.image.width, scene.image.height);
+    let adjacency = Adjacency::new(&scene.mesh);
+    let input = ShadowInput::new(scene, &adjacency, &eye);
+    let Shadows { visibility, silhouette_edges } = draw(algorithm, &input, host)?;
+    let no_part = visibility.iter().filter(|visible| !(0.0..=1.0).contains(*visible)).count();
+
+    // By brute force, of the scene in f64 and of the f32 numbers that kernels get.
+    let receivers = visibility.len();
+    let pairs = receivers * (scene.mesh.triangles.len() + silhouette_edges.unwrap_or(0) as usize);
+    let step = pairs.div_ceil(PAIRS_MAX).min(receivers / RECEIVERS_MIN).max(1);
+    let some = every(step, &eye);
+    let ours: Vec<f64> = every_number(step, &visibility);
+    let of_scene = Occluders::from_mesh(&scene.mesh, &adjacency, &scene.light).visibility_of_view(
+        &adjacency,
+        &scene.light,
+        &some,
+    );
+    let of_input = Occluders::from_input(&input);
+    let rounded: Vec<f64> = {
+        let few = ShadowInput {
+            receivers: input.receivers.iter().step_by(step).copied().collect(),
+            receiver_triangle: input.receiver_triangle.iter().step_by(step).copied().collect(),
+            receiver_pixel: input.receiver_pixel.iter().step_by(step).copied().collect(),
+            ..input
+        };
+        of_input.visibility(&few)
+    };
+
+    // By shadow rays.
+    let step = receivers.div_ceil(RAY_RECEIVERS_MAX).max(1);
+    let some = every(step, &eye);
+    let seen: Vec<f64> = every_number(step, &visibility);
+    let truth = Truth::new(&scene.mesh, &scene.light, &some, SAMPLES, &|| ());
+    let mut warnings: Vec<String> =
+        scene.warnings(&adjacency).iter().map(|warning| warning.to_string()).collect();
+    if receivers == 0 {
+        warnings.push("the camera sees no surface".to_owned());
+    }
+    Ok(Measured {
+        triangles: scene.mesh.triangles.len() as u64,
+        receivers: receivers as u64,
+        no_part: no_part as u64,
+        brute_force: off(&of_scene, &ours),
+        rounded: off(&rounded, &ours),
+        rays: off_rays(&truth, &seen),
+        warnings,
+    })
+}
+
+/// The picture of `input`, run functionally: nothing is timed.
+fn draw(algorithm: &Algorithm, input: &ShadowInput, host: HostOptions) -> Result<Shadows, BadInput> {
+    let mut arena = Arena::reserve().map_err(no_memory)?;
+    let mut run_step = |_: &'static lrbsim_isa::Phase, step: &Step, arena: &mut Arena| {
+        run_functional(step, arena, host.simd, host.threads);
+        Ok(())
+    };
+    let shadows = algorithm.run(input, &mut Runner::new(&mut arena, &mut run_step));
+    arena.check().map_err(no_memory)?;
+    shadows.map_err(|stopped| BadInput::new(stopped.to_string()))
+}
+
+/// Every `step`th visibility. One that is no number is off by a whole light or more: it must neither hide in a sum nor spoil it.
+fn every_number(step: usize, visibility: &[f32]) -> Vec<f64> {
+    let number = |visible: &f32| if visible.is_finite() { f64::from(*visible) } else { 2.0 };
+    visibility.iter().step_by(step).map(number).collect()
+}
+
+/// Every `step`th receiver of a view.
+fn every(step: usize, eye: &EyeView) -> EyeView {
+    EyeView {
+        width: eye.width,
+        height: eye.height,
+        points: eye.points.iter().step_by(step).copied().collect(),
+        normals: eye.normals.iter().step_by(step).copied().collect::<Vec<Vec3>>(),
+        triangles: eye.triangles.iter().step_by(step).copied().collect(),
+        pixels: eye.pixels.iter().step_by(step).copied().collect(),
+    }
+}
+
+fn off(truth: &[f64], ours: &[f64]) -> Off {
+    let differences = || truth.iter().zip(ours).map(|(a, b)| (a - b).abs());
+    Off {
+        receivers: truth.len() as u64,
+        max: differences().fold(0.0, f64::max),
+        mean: differences().sum::<f64>() / truth.len().max(1) as f64,
+        off: differences().filter(|difference| *difference > SLIGHT).count() as u64,
+    }
+}
+
+fn off_rays(truth: &Truth, ours: &[f64]) -> OffRays {
+    let metrics = ErrorMetrics::new(&truth.visibility(), ours);
+    let doubt: f64 = truth.doubt().iter().sum();
+    let part = |sum: f64, count: usize| if count == 0 { 0.0 } else { sum / count as f64 };
+    OffRays {
+        receivers: ours.len() as u64,
+        shadowed: metrics.shadowed as u64,
+        mean: metrics.atty_mae,
+        max: metrics.max,
+        off_by_quarter: part(metrics.off_by_quarter as f64, metrics.in_question),
+        reference_mean: part(doubt, metrics.shadowed),
+    }
+}
