@@ -79,22 +79,23 @@ fn an_unknown_name_lists_the_known_ones() {
 }
 
 #[test]
-fn lights_without_kernels_are_refused() {
+fn a_rectangle_without_two_sides_is_refused_and_one_with_them_is_drawn() {
     let folder = Folder::new();
     folder.write("model.obj", TRIANGLE);
     let sphere = r#""kind": "sphere", "center": [0, 4, 0], "radius": 0.2"#;
-    for (kind, light) in [
-        ("rect", r#""kind": "rect", "center": [0, 4, 0], "half_u": [1.5, 0, 0], "half_v": [0, 0, 0.05]"#),
-        ("linear", r#""kind": "linear", "p0": [-1.5, 4, 0], "p1": [1.5, 4, 0]"#),
-    ] {
-        folder.write("scene.json", &SCENE.replace(sphere, light));
-        let said = format!("`light.kind` is `{kind}`; it must be `sphere`, `disc` or `point`");
-        refused(&folder, &["scene.json"], &[&said, "scene.json:5:21"]);
+    let with = |light: &str| folder.write("scene.json", &SCENE.replace(sphere, light));
+    let rect = r#""kind": "rect", "center": [0, 4, 0], "half_u": [1.5, 0, 0], "half_v": "#;
+    for half_v in ["[0, 0, 0]", "[3, 0, 0.001]"] {
+        with(&format!("{rect}{half_v}"));
+        let said = format!("`light.half_v` is {half_v}; it must be across `light.half_u`");
+        refused(&folder, &["scene.json"], &[&said, "scene.json:5:"]);
         folder.run(&["scene", "check", "scene.json"]).refused(&[&said]);
-        let text =
-            r#"{"name": "x", "base": {"scene": "scene.json"}, "axes": [{"path": "cores", "values": [1]}]}"#;
-        folder.write("study.json", text);
-        folder.run(&["study", "study.json"]).refused(&[&said]);
+    }
+    for light in
+        [&format!("{rect}[0, 0, 0.05]"), r#""kind": "linear", "p0": [-1.5, 4, 0], "p1": [1.5, 4, 0]"#]
+    {
+        with(light);
+        folder.run(&["run", "scene.json", "--size", "32x24", "--fidelity", "functional"]).ok();
     }
 }
 

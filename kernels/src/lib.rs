@@ -5,7 +5,7 @@
 //! sism/        soft irregular shadow mapping (Johnson et al. 2009): silhouette, hard, soft, compose
 //! irregular/   what methods with an irregular shadow map share: grid, bin, raster
 //! scene.rs     the geometry of a frame in the arena
-//! light.rs, segment.rs, plane.rs   the geometry of one receiver, one edge, one triangle
+//! light.rs, segment.rs, rectangle.rs, plane.rs   the geometry of one receiver, one edge, one triangle
 //! scan.rs      prefix sums
 //! clear.rs     arrays that begin as zero
 //! record.rs, columns.rs, expression.rs   how a kernel writes where things lie, and arithmetic on that
@@ -17,6 +17,7 @@ pub mod columns;
 pub mod plane;
 pub mod light;
 pub mod segment;
+pub mod rectangle;
 pub mod clear;
 pub mod scan;
 pub mod scene;

@@ -1,52 +1,83 @@
-//! The light as a receiver sees it: a disc, and where occluders project on it.
+//! The light as a receiver sees it: a disc, a rectangle or a line, and where occluders project on it.
 
 use lrbsim_isa::Vpu;
+use lrbsim_workloads::LightShape;
+use lrbsim_workloads::glam::DVec3;
 
 use crate::expression::each;
-use crate::plane::{Vec3, dot, sub};
-use crate::segment::Vec2;
+use crate::plane::{Vec3, cross, dot, sub};
+use crate::rectangle::{line, square};
+use crate::segment::{Vec2, segment};
 
 /// Nearest and farthest height of an occluder over its receiver, in parts of the light's height: nearer is the receiver's
 /// own neighbourhood, farther is behind the light.
 const HEIGHT_MIN: f32 = 1e-6;
 
-/// Where the light's disc stands.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Disc {
-    /// It turns to face each receiver: what a sphere light is taken for [algorithms, 0 and 2.6].
-    Facing,
-    /// It stands still, with this unit normal.
-    Fixed([f32; 3]),
+/// What the places on a light are that belong to it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Outline {
+    /// Those up to 1 from the middle.
+    Disc,
+    /// Those whose numbers are both in [-1, 1].
+    Square,
+    /// Those whose first number is in [-1, 1] and whose second is 0.
+    Line,
 }
 
-/// The disc in the frame of 16 receivers, one a lane.
+impl Outline {
+    /// The outline of a light of `shape`.
+    pub fn of(shape: &LightShape) -> Outline {
+        match shape {
+            LightShape::Facing | LightShape::Disc { .. } => Outline::Disc,
+            LightShape::Rect { .. } => Outline::Square,
+            LightShape::Line { .. } => Outline::Line,
+        }
+    }
+
+    /// Square of the distance of its farthest place from the middle.
+    pub fn reach2(self) -> f32 {
+        match self {
+            Outline::Disc | Outline::Line => 1.0,
+            Outline::Square => 2.0,
+        }
+    }
+}
+
+/// The light in the frame of 16 receivers, one a lane.
 ///
-/// `axis` points from the receiver to the disc's plane at a right angle, `s` and `t` span that plane. Lengths along `s`
-/// and `t` count in radii of the light.
+/// `axis` points from the receiver to the light's plane at a right angle, `s` and `t` span that plane. The products of a point
+/// with `s` and `t` are its place, but for the factor `per_radius`: in radii on a disc, in half sides on a rectangle; on a line in
+/// half lines along it and aside.
 pub struct View<V: Vpu> {
     receiver: Vec3<V>,
     axis: Vec3<V>,
     s: Vec3<V>,
     t: Vec3<V>,
+    /// The vectors that lead from the middle to the places (1, 0) and (0, 1); `None` for a disc, where they are `s` and `t`
+    /// times the radius.
+    units: Option<[Vec3<V>; 2]>,
     /// Height of the light over the receiver.
     height: V::F32,
-    /// `1 / radius`.
+    /// `1 / radius` of a disc.
     per_radius: V::F32,
-    /// `height / radius`.
+    /// The height times `per_radius`.
     scale: V::F32,
-    /// The receiver's foot point on the disc's plane, in radii; `None` for a facing disc, whose centre it is.
+    /// Place of the receiver's foot point on the light's plane; `None` for a facing disc, whose middle it is.
     foot: Option<Vec2<V>>,
+    /// What places belong to the light.
+    pub outline: Outline,
 }
 
 /// An occluder's point in a [`View`]: along s, along t, height over the receiver.
 pub type Seen<V> = [<V as Vpu>::F32; 3];
 
 impl<V: Vpu> View<V> {
-    /// The frame of receivers `receiver` (light-centred) for a light of radius `1 / per_radius`.
+    /// The frame of receivers `receiver` (light-centred) for a light of this shape; if it is a disc, of radius `1 / per_radius`.
     #[inline(always)]
-    pub fn new(v: &mut V, disc: Disc, receiver: Vec3<V>, per_radius: V::F32) -> View<V> {
-        match disc {
-            Disc::Facing => {
+    pub fn new(v: &mut V, shape: &LightShape, receiver: Vec3<V>, per_radius: V::F32) -> View<V> {
+        let outline = Outline::of(shape);
+        match shape {
+            LightShape::Facing => {
                 // a = -p/|p|; s and t by the branchless basis of Duff et al. 2017.
                 let squared = dot(v, receiver, receiver);
                 let inverse = v.vrsqrt(squared);
@@ -57,28 +88,78 @@ impl<V: Vpu> View<V> {
                     [v.vmul(receiver[0], minus), v.vmul(receiver[1], minus), v.vmul(receiver[2], minus)];
                 let (s, t) = basis(v, axis);
                 let scale = v.vmul(height, per_radius);
-                View { receiver, axis, s, t, height, per_radius, scale, foot: None }
+                View { receiver, axis, s, t, units: None, height, per_radius, scale, foot: None, outline }
             }
-            Disc::Fixed(normal) => {
-                let zero = v.vset_f32(0.0);
-                let normal = [v.vset_f32(normal[0]), v.vset_f32(normal[1]), v.vset_f32(normal[2])];
-                // The normal that looks away from the receiver.
-                let over = dot(v, receiver, normal);
-                let above = v.vcmp_gt(over, zero);
-                let mut turned = |a: V::F32| v.vsub_or(a, above, zero, a);
-                let axis = [turned(normal[0]), turned(normal[1]), turned(normal[2])];
-                let height = v.vabs(over);
+            LightShape::Disc { normal } => {
+                let normal = constant(v, *normal);
+                let (_, axis, height) = View::away(v, receiver, normal);
                 let (s, t) = basis(v, axis);
                 let scale = v.vmul(height, per_radius);
                 let along_s = dot(v, receiver, s);
                 let along_t = dot(v, receiver, t);
-                let foot = [v.vmul(along_s, per_radius), v.vmul(along_t, per_radius)];
-                View { receiver, axis, s, t, height, per_radius, scale, foot: Some(foot) }
+                let foot = Some([v.vmul(along_s, per_radius), v.vmul(along_t, per_radius)]);
+                View { receiver, axis, s, t, units: None, height, per_radius, scale, foot, outline }
+            }
+            LightShape::Rect { halves: [a, b] } => {
+                let across = a.cross(*b);
+                let normal = constant(v, across.normalize());
+                let (above, axis, height) = View::away(v, receiver, normal);
+                let per_square = across.length_squared().recip();
+                let s = constant(v, b.cross(across) * per_square);
+                // Turned around with the axis: from either side, left of an edge is left of it.
+                let t = constant(v, across.cross(*a) * per_square);
+                let t = turned(v, above, t);
+                let unit_t = constant(v, *b);
+                let units = Some([constant(v, *a), turned(v, above, unit_t)]);
+                let foot = Some([dot(v, receiver, s), dot(v, receiver, t)]);
+                let per_radius = v.vset_f32(1.0);
+                View { receiver, axis, s, t, units, height, per_radius, scale: height, foot, outline }
+            }
+            LightShape::Line { half } => {
+                let s = constant(v, *half * half.length_squared().recip());
+                let unit = constant(v, *half);
+                let along = dot(v, receiver, s);
+                let beside = each!(axis in [0, 1, 2] => v.vnmadd(along, unit[axis], receiver[axis]));
+                let squared = dot(v, beside, beside);
+                let inverse = v.vrsqrt(squared);
+                let height = v.vmul(squared, inverse);
+                let zero = v.vset_f32(0.0);
+                let minus = v.vsub(zero, inverse);
+                let axis = each!(axis in [0, 1, 2] => v.vmul(beside[axis], minus));
+                let t = cross(v, axis, s);
+                let aside = cross(v, axis, unit);
+                let foot = Some([along, zero]);
+                let per_radius = v.vset_f32(1.0);
+                let units = Some([unit, aside]);
+                View { receiver, axis, s, t, units, height, per_radius, scale: height, foot, outline }
             }
         }
     }
 
-    /// This view with `s` and `t` turned about the middle of the disc, by the angle of this cosine and sine.
+    /// The direction along `normal` that looks away from the receiver, and the height of the plane through the middle of the
+    /// light across it; first, the lanes in which it is the opposite of `normal`.
+    #[inline(always)]
+    fn away(v: &mut V, receiver: Vec3<V>, normal: Vec3<V>) -> (V::Mask, Vec3<V>, V::F32) {
+        let zero = v.vset_f32(0.0);
+        let over = dot(v, receiver, normal);
+        let above = v.vcmp_gt(over, zero);
+        let axis = turned(v, above, normal);
+        (above, axis, v.vabs(over))
+    }
+
+    /// Part of the light beyond the edge `u0 -> u1` of places, inside the wedge that the edge subtends at the light's middle: in
+    /// [0, 1/2], and the lanes of `live` where it is any.
+    #[inline(always)]
+    pub fn part_beyond(&self, v: &mut V, live: V::Mask, u0: Vec2<V>, u1: Vec2<V>) -> (V::Mask, V::F32) {
+        match self.outline {
+            Outline::Disc => segment(v, live, u0, u1),
+            Outline::Square => square(v, live, u0, u1),
+            Outline::Line => line(v, live, u0, u1),
+        }
+    }
+
+    /// This view with its places turned about the middle of the light, by the angle of this cosine and sine: any of a disc,
+    /// multiples of a quarter turn of a rectangle, and of a half turn of a line.
     #[inline(always)]
     pub fn turned(self, v: &mut V, cos: V::F32, sin: V::F32) -> View<V> {
         let mut turn = |s: V::F32, t: V::F32| {
@@ -88,8 +169,15 @@ impl<V: Vpu> View<V> {
             (new_s, v.vmsub(t, cos, of_s))
         };
         let pairs = each!(axis in [0, 1, 2] => turn(self.s[axis], self.t[axis]));
+        let units = match self.units {
+            None => None,
+            Some([s, t]) => {
+                let pairs = each!(axis in [0, 1, 2] => turn(s[axis], t[axis]));
+                Some([pairs.map(|(s, _)| s), pairs.map(|(_, t)| t)])
+            }
+        };
         let foot = self.foot.map(|[s, t]| turn(s, t).into());
-        View { s: pairs.map(|(s, _)| s), t: pairs.map(|(_, t)| t), foot, ..self }
+        View { s: pairs.map(|(s, _)| s), t: pairs.map(|(_, t)| t), units, foot, ..self }
     }
 
     /// Point `vertex` (light-centred) in this frame.
@@ -150,22 +238,27 @@ impl<V: Vpu> View<V> {
         live
     }
 
-    /// The line in which a plane through each receiver, of this `normal`, cuts the disc's plane: two points of it, in radii, on
-    /// either side of the disc; the lanes of `live` where it cuts the disc.
+    /// The line in which a plane through each receiver, of this `normal`, cuts the light's plane: two places of it, on either
+    /// side of the light; the lanes of `live` where it cuts the circle about the light.
     #[inline(always)]
     pub fn horizon(&self, v: &mut V, live: V::Mask, normal: Vec3<V>) -> (V::Mask, [Vec2<V>; 2]) {
-        // Points of the disc lie on the plane where `slope . place = offset`, in radii.
-        let slope = [dot(v, normal, self.s), dot(v, normal, self.t)];
+        // Places lie on the plane where `slope . place = offset`.
+        let [unit_s, unit_t] = self.units.unwrap_or([self.s, self.t]);
+        let slope = [dot(v, normal, unit_s), dot(v, normal, unit_t)];
         let offset = dot(v, normal, self.receiver);
         let offset = v.vmul(offset, self.per_radius);
         let slope2 = v.vmul(slope[1], slope[1]);
         let slope2 = v.vmadd(slope[0], slope[0], slope2);
-        let offset2 = v.vmul(offset, offset);
+        let mut offset2 = v.vmul(offset, offset);
+        if self.outline == Outline::Square {
+            let less = v.vset_f32(1.0 / Outline::Square.reach2());
+            offset2 = v.vmul(offset2, less);
+        }
         let live = v.vcmp_lt_masked(live, offset2, slope2);
         let inverse = v.vrsqrt(slope2);
         let distance = v.vmul(offset, inverse);
         let across = [v.vmul(slope[0], inverse), v.vmul(slope[1], inverse)];
-        // Two radii either way from the foot of the perpendicular: both off the disc.
+        // Two either way from the foot of the perpendicular: both off the light.
         let foot = [v.vmul(across[0], distance), v.vmul(across[1], distance)];
         let two = v.vset_f32(2.0);
         let from = [v.vmadd(across[1], two, foot[0]), v.vnmadd(across[0], two, foot[1])];
@@ -173,7 +266,7 @@ impl<V: Vpu> View<V> {
         (live, [from, to])
     }
 
-    /// Where the line from the receiver through `seen` meets the disc's plane, in radii: the exact normalisation of each
+    /// The place where the line from the receiver through `seen` meets the light's plane: the exact normalisation of each
     /// vertex by its own depth [algorithms, 2.5 and 2.6]. `seen` must be higher than the receiver.
     #[inline(always)]
     pub fn project(&self, v: &mut V, seen: Seen<V>) -> Vec2<V> {
@@ -184,6 +277,19 @@ impl<V: Vpu> View<V> {
             Some(foot) => [v.vmadd(seen[0], k, foot[0]), v.vmadd(seen[1], k, foot[1])],
         }
     }
+}
+
+/// The vector `x`, its opposite in the lanes `around`.
+#[inline(always)]
+fn turned<V: Vpu>(v: &mut V, around: V::Mask, x: Vec3<V>) -> Vec3<V> {
+    let zero = v.vset_f32(0.0);
+    each!(axis in [0, 1, 2] => v.vsub_or(x[axis], around, zero, x[axis]))
+}
+
+/// A vector that all lanes have.
+#[inline(always)]
+fn constant<V: Vpu>(v: &mut V, x: DVec3) -> Vec3<V> {
+    each!(axis in [0, 1, 2] => v.vset_f32(x[axis] as f32))
 }
 
 /// Two unit vectors at right angles to the unit vector `n` and to each other [duff17].

@@ -8,6 +8,7 @@ use lrbsim_kernels::field;
 use lrbsim_kernels::irregular::faces::FaceParameters;
 use lrbsim_kernels::record::Field;
 use lrbsim_workloads::glam::DVec3;
+use lrbsim_workloads::reference::Occluders;
 use lrbsim_workloads::{Light, Mesh, ShadowInput};
 
 /// Runs both and compares the four sums of every receiver.
@@ -68,6 +69,37 @@ fn discs_that_stand_still_are_the_same() {
         for radius in [1e-4, 0.03, 0.3, 1.0, 5.0] {
             let light = Light::Disc { center: DVec3::ZERO, normal: Random(seed).vector(), radius };
             agree(&format!("disc, seed {seed}, radius {radius}"), &input(mesh.clone(), light, &receivers));
+        }
+    }
+}
+
+/// A rectangle or a line about the origin, of about this radius.
+fn long_light(random: &mut Random, radius: f64) -> Light {
+    let half_u = random.vector().normalize() * radius;
+    if random.within(0.0, 1.0) < 0.5 {
+        let across = half_u.cross(random.vector()).normalize() * radius;
+        // Not always at a right angle, and thin as often as not.
+        let half_v = (across + half_u * random.within(-0.5, 0.5)) * power_of_ten(random.within(-2.0, 0.0));
+        Light::Rect { center: DVec3::ZERO, half_u, half_v }
+    } else {
+        Light::Linear { p0: -half_u, p1: half_u }
+    }
+}
+
+#[test]
+fn rectangles_and_lines_are_the_same() {
+    for seed in 150..200 {
+        let (mesh, receivers) = random_scene(seed, 600);
+        for radius in [1e-4, 0.03, 0.3, 1.0, 5.0] {
+            let light = long_light(&mut Random(seed), radius);
+            let what = format!("seed {seed}, {light:?}");
+            let input = input(mesh.clone(), light, &receivers);
+            let visible = agree(&what, &input).visibility();
+            let truth = Occluders::from_input(&input).visibility(&input);
+            let off = |(a, b): (&f32, &f64)| (f64::from(*a) - b).abs() > 2e-3;
+            let off = visible.iter().zip(&truth).filter(|pair| off(*pair)).count();
+            // Where the plane through light and edge passes within rounding of a receiver.
+            assert!(off * 200 <= visible.len(), "{what}: {off} of {} are off", visible.len());
         }
     }
 }

@@ -12,7 +12,7 @@ use lrbsim_isa::{HostSimd, Vpu, math};
 use lrbsim_kernels::field;
 use lrbsim_kernels::irregular::primitives::TriangleRecord;
 use lrbsim_kernels::irregular::touch::wedge_start;
-use lrbsim_kernels::light::{Disc, View, footprint_radius};
+use lrbsim_kernels::light::{View, footprint_radius};
 use lrbsim_kernels::plane::PLANE_SLACK;
 use lrbsim_kernels::record::Field;
 use lrbsim_kernels::segment::segment;
@@ -20,7 +20,7 @@ use lrbsim_kernels::sism::compose::visible;
 use lrbsim_kernels::sism::soft::{fixed, rounding_offset};
 use lrbsim_workloads::glam::{DVec2, DVec3};
 use lrbsim_workloads::reference::Projection;
-use lrbsim_workloads::{Counting, Light, ShadowInput};
+use lrbsim_workloads::{Counting, Light, LightShape, ShadowInput};
 use serde_json::Value;
 
 fn f32s<const N: usize>(values: [f64; N]) -> [f32; N] {
@@ -142,13 +142,13 @@ fn footprint_radii_agree() {
 
 /// |u| of vertex v for receiver p.
 #[derive(Clone)]
-struct Project(Disc);
+struct Project(LightShape);
 
 impl Lanewise<7, 1> for Project {
     #[inline(always)]
     fn eval<V: Vpu>(&self, v: &mut V, x: [V::F32; 7]) -> [V::F32; 1] {
         let per_radius = v.vrcp(x[6]);
-        let view = View::new(v, self.0, [x[0], x[1], x[2]], per_radius);
+        let view = View::new(v, &self.0, [x[0], x[1], x[2]], per_radius);
         let seen = view.see(v, [x[3], x[4], x[5]]);
         let u = view.project(v, seen);
         let y2 = v.vmul(u[1], u[1]);
@@ -158,26 +158,26 @@ impl Lanewise<7, 1> for Project {
 }
 
 /// What an f32 implementation is to find for |u|: the oracle's value, unless rounding the input already moves it.
-fn length_of_rounded(p: [f32; 3], vertex: [f32; 3], radius: f32, normal: Option<DVec3>) -> f64 {
+fn length_of_rounded(p: [f32; 3], vertex: [f32; 3], radius: f32, shape: LightShape) -> f64 {
     let wide = |x: [f32; 3]| DVec3::from(x.map(f64::from));
-    Projection::new(wide(p), f64::from(radius), normal).vertex(wide(vertex)).length()
+    Projection::new(wide(p), f64::from(radius), shape).vertex(wide(vertex)).length()
 }
 
 #[test]
 fn vertices_land_on_the_disc_where_they_should() {
     let all = cases("vertex_to_light_disc");
-    for (disc, normal, what) in
-        [(Disc::Facing, None, "len_u_facing"), (Disc::Fixed([0.0, 0.0, 1.0]), Some(DVec3::Z), "u_parallel")]
+    for (shape, what) in
+        [(LightShape::Facing, "len_u_facing"), (LightShape::Disc { normal: DVec3::Z }, "u_parallel")]
     {
         let of = |case: &Value| {
             let (p, v) = (vec3(&case["inputs"]["p"]), vec3(&case["inputs"]["v"]));
             f32s([p.x, p.y, p.z, v.x, v.y, v.z, case["inputs"]["r"].as_f64().expect("a radius")])
         };
         let inputs: Vec<_> = all.iter().map(of).collect();
-        for ((case, x), [found]) in all.iter().zip(&inputs).zip(evaluate(&Project(disc), &inputs)) {
+        for ((case, x), [found]) in all.iter().zip(&inputs).zip(evaluate(&Project(shape), &inputs)) {
             let wanted = &case["expected"][what];
             let oracle = wanted.as_f64().unwrap_or_else(|| DVec2::from_slice(&numbers(wanted)).length());
-            let rounded = length_of_rounded([x[0], x[1], x[2]], [x[3], x[4], x[5]], x[6], normal);
+            let rounded = length_of_rounded([x[0], x[1], x[2]], [x[3], x[4], x[5]], x[6], shape);
             let relative = case["tolerance"]["rel_f32"].as_f64().expect("a tolerance");
             // 3.999 under a receiver at 4 is no f32: the height between them is off by 7e-5 before anything is computed.
             let expected = if (rounded - oracle).abs() > 0.5 * relative * oracle { rounded } else { oracle };
@@ -336,7 +336,8 @@ fn bounds_of_the_penumbra_agree() {
         let across = vertex.x * cos - vertex.y * sin;
         let along = vertex.x * sin + vertex.y * cos;
         let rim =
-            evaluate(&Project(Disc::Facing), &[f32s([0.0, 0.0, far / cos, across, 0.0, along, r])])[0][0];
+            evaluate(&Project(LightShape::Facing), &[f32s([0.0, 0.0, far / cos, across, 0.0, along, r])])[0]
+                [0];
         assert!((f64::from(rim) - 1.0).abs() <= relative, "{} off_axis_factor: |u| = {rim}", case["id"]);
     }
 }

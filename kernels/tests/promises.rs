@@ -7,11 +7,12 @@ use lrbsim_isa::{Arena, HostSimd, Kernel, Step, Vpu};
 use lrbsim_kernels::columns::Columns;
 use lrbsim_kernels::field;
 use lrbsim_kernels::irregular::primitives::{EdgeRecord, TriangleRecord};
-use lrbsim_kernels::light::{Disc, View};
+use lrbsim_kernels::light::View;
 use lrbsim_kernels::record::{Field, Records};
 use lrbsim_kernels::segment::segment;
 use lrbsim_kernels::sism::hard::hidden;
 use lrbsim_kernels::sism::soft::add_edge;
+use lrbsim_workloads::LightShape;
 
 /// As in the docs of [`segment`], [`hidden`] and [`add_edge`].
 const SEGMENT: [u64; 2] = [17, 88];
@@ -122,7 +123,7 @@ impl Lanewise<3, 1> for AddEdge {
     #[inline(always)]
     fn eval<V: Vpu>(&self, v: &mut V, points: [V::F32; 3]) -> [V::F32; 1] {
         let one = v.vset_f32(1.0);
-        let view = View::new(v, Disc::Facing, points, one);
+        let view = View::new(v, &LightShape::Facing, points, one);
         let all = v.mask_all();
         let none = v.vset_i32(0);
         let first = v.s_imm(0);

@@ -30,7 +30,7 @@ fn placed(scene: &Scene, scale: f64, offset: DVec3) -> Scene {
     scene.mesh.positions.iter_mut().for_each(|p| *p = place(*p));
     scene.camera.eye = place(scene.camera.eye);
     scene.camera.target = place(scene.camera.target);
-    let (center, radius) = (place(scene.light.center()), scene.light.disc_radius() * scale);
+    let (center, radius) = (place(scene.light.center()), scene.light.radius() * scale);
     scene.light = Light::Sphere { center, radius };
     scene
 }

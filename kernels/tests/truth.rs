@@ -4,6 +4,7 @@ mod common;
 
 use common::{On, Random, Run, input, polygons, shipped};
 use lrbsim_isa::HostSimd;
+use lrbsim_kernels::sism::Overlap;
 use lrbsim_workloads::glam::DVec3;
 use lrbsim_workloads::reference::{ErrorMetrics, Occluders, shadow_rays};
 use lrbsim_workloads::{Adjacency, Light, ShadowInput};
@@ -44,13 +45,28 @@ fn the_small_saloon_is_right_but_for_rounding() {
 }
 
 #[test]
-fn shadow_rays_agree_on_tiny() {
-    let (scene, eye, input) = shipped("tiny", None);
-    let run = Run::new(&input, On::Host(HostSimd::detect(), 2));
-    let kernels: Vec<f64> = run.visibility().into_iter().map(f64::from).collect();
-    let metrics = ErrorMetrics::new(&shadow_rays(&scene.mesh, &scene.light, &eye, 512), &kernels);
-    println!("{metrics:?}");
-    assert!(metrics.shadowed > 100 && metrics.atty_mae < 0.03, "{metrics:?}");
+fn shadow_rays_agree_on_tiny_for_every_kind_of_light() {
+    let (mut scene, eye, _) = shipped("tiny", None);
+    let adjacency = Adjacency::new(&scene.mesh);
+    let (center, radius) = (scene.light.center(), scene.light.radius());
+    let (half_u, half_v) = (DVec3::new(1.0, 0.2, 0.1) * radius, DVec3::new(0.1, 0.0, 0.5) * radius);
+    for light in [
+        scene.light,
+        Light::Disc { center, normal: DVec3::new(0.2, 1.0, 0.1), radius },
+        Light::Rect { center, half_u, half_v },
+        Light::Linear { p0: center - half_u, p1: center + half_u },
+    ] {
+        scene.light = light;
+        let truth = shadow_rays(&scene.mesh, &light, &eye, 512);
+        let input = ShadowInput::new(&scene, &adjacency, &eye);
+        for (overlap, most) in [(Overlap::Sum, 0.03), (Overlap::Bits256, 0.01)] {
+            let run = Run::with(&input, overlap, On::Host(HostSimd::detect(), 2));
+            let kernels: Vec<f64> = run.visibility().into_iter().map(f64::from).collect();
+            let metrics = ErrorMetrics::new(&truth, &kernels);
+            println!("{light:?} {overlap:?}: {metrics:?}");
+            assert!(metrics.shadowed > 100 && metrics.atty_mae < most, "{light:?} {overlap:?}: {metrics:?}");
+        }
+    }
 }
 
 /// Positions are light-centred f32: at a distance of thousands of scenes they still part the scene into thousands of steps.

@@ -140,7 +140,7 @@ fn show(scene: &Scene, out: &mut impl Write) -> Result<(), Failure> {
     writeln!(
         out,
         "light geometry    radius {:.4} as a disc, {:.3} from the scene's middle, {:.2} of its diagonal",
-        scene.light.disc_radius(),
+        scene.light.radius(),
         distance,
         distance / bounds.diagonal().max(f64::MIN_POSITIVE)
     )?;

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use crate::adjacency::{Adjacency, Counting, Stance, is_degenerate, stances};
 use crate::eye::EyeView;
-use crate::light::Light;
+use crate::light::{Light, LightShape};
 use crate::mesh::Mesh;
 use crate::scene::Scene;
 
@@ -22,10 +22,10 @@ pub struct ShadowInput {
     pub scale_log2: i32,
     /// Largest |coordinate| of vertices and receivers, in [0.5, 1]; 0 where all lie in the light.
     pub largest: f32,
-    /// Radius of the light in scaled units; 0 for a point light.
+    /// Radius of the light in scaled units, see [`Light::radius`]; 0 for a point light.
     pub light_radius: f32,
-    /// Unit normal of a light that does not turn; `None`: the disc faces each receiver.
-    pub light_normal: Option<[f32; 3]>,
+    /// Shape of the light in scaled units; its numbers are f32 ones.
+    pub light_shape: LightShape,
     /// Vertex positions, light-centred and scaled.
     pub vertices: Vec<[f32; 3]>,
     /// Corners of each triangle. Triangles that must not count (degenerate, there twice, or with the light on them)
@@ -86,7 +86,7 @@ impl ShadowInput {
             })
             .collect();
         let turn = |&face: &u32| stance[(face >> 1) as usize].side(face);
-        let radius = scale_by_power(DVec3::splat(light.disc_radius()), -scale_log2).x as f32;
+        let radius = scale_by_power(DVec3::splat(light.radius()), -scale_log2).x as f32;
 
         Self {
             width: eye.width,
@@ -94,7 +94,11 @@ impl ShadowInput {
             scale_log2,
             largest: libm::scalbn(largest, -scale_log2) as f32,
             light_radius: radius,
-            light_normal: light.disc_normal().map(|n| n.as_vec3().to_array()),
+            light_shape: match light.shape() {
+                shape @ (LightShape::Facing | LightShape::Disc { .. }) => shape,
+                shape => shape.map(|v| scale_by_power(v, -scale_log2)),
+            }
+            .map(|v| v.as_vec3().as_dvec3()),
             vertices: mesh.positions.iter().map(|&p| scaled(p)).collect(),
             triangles,
             counting: adjacency.counting.clone(),

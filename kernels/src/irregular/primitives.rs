@@ -1,8 +1,7 @@
 //! What is binned and rasterized: triangles, which hide the light as a whole, and edges, which have a penumbra.
 
-use lrbsim_workloads::ShadowInput;
+use lrbsim_workloads::{LightShape, ShadowInput};
 
-use crate::light::Disc;
 use crate::record::Records;
 
 /// Rounding of positions about a receiver, relative to the largest coordinate of receivers, with a factor of eight to spare.
@@ -54,11 +53,11 @@ pub struct EdgeRecord {
 /// The light, as constants of the kernels' code.
 #[derive(Debug, Clone, Copy)]
 pub struct LightConstants {
-    /// Where its disc stands.
-    pub disc: Disc,
-    /// Radius, 0 for a point.
+    /// Its shape; one that is not a disc has its size here too.
+    pub shape: LightShape,
+    /// Radius of the ball about its middle that holds it, 0 for a point.
     pub radius: f32,
-    /// Radius for the bound of a penumbra: larger for a disc that does not face the receivers. Rounding comes on top, see
+    /// Radius for the bound of a penumbra: larger for a light that does not face the receivers. Rounding comes on top, see
     /// [`LightConstants::rounded_radius`].
     pub bound_radius: f32,
     /// Largest coordinate of vertices and receivers.
@@ -68,12 +67,12 @@ pub struct LightConstants {
 impl LightConstants {
     /// The light of a frame.
     pub fn new(input: &ShadowInput) -> LightConstants {
-        let disc = input.light_normal.map_or(Disc::Facing, Disc::Fixed);
-        // A disc that stands still lies in the ball of its radius; the line from p to v meets that ball only if
+        let shape = input.light_shape;
+        // A light that stands still lies in the ball of its radius; the line from p to v meets that ball only if
         // sin phi (1 - r/|p|) <= r (1/|v| - cos phi/|p|), and |p| > |v| > 2.5 r wherever the bound is used.
         let bound_radius =
-            if disc == Disc::Facing { input.light_radius } else { input.light_radius * (5.0 / 3.0) };
-        LightConstants { disc, radius: input.light_radius, bound_radius, largest: input.largest }
+            if shape == LightShape::Facing { input.light_radius } else { input.light_radius * (5.0 / 3.0) };
+        LightConstants { shape, radius: input.light_radius, bound_radius, largest: input.largest }
     }
 
     /// The bound of a penumbra's radius before the receivers have been looked at: as if one were as far as anything.

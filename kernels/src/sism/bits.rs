@@ -16,6 +16,7 @@
 #![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
 
 use lrbsim_isa::{Addr, Arena, Compare, Kernel, Runner, Stacked, Step, Stopped, Vpu};
+use lrbsim_workloads::glam::DVec2;
 use lrbsim_workloads::reference::spiral;
 
 use super::Sums;
@@ -29,7 +30,7 @@ use crate::irregular::primitives::{BACK, EdgeRecord, FRONT, Kind, Primitives};
 use crate::irregular::raster::CellRecord;
 use crate::irregular::receivers::Receiver;
 use crate::irregular::run::{Runs, Samples, Shade, Split, Walk};
-use crate::light::View;
+use crate::light::{Outline, View};
 use crate::plane::side;
 use crate::record::Record;
 use crate::scene::fill;
@@ -65,6 +66,7 @@ pub fn cover(
     sums: Columns<Sums>,
     runner: &mut Runner<'_>,
 ) -> Result<(), Stopped> {
+    let outline = Outline::of(&primitives.light.shape);
     let bits = Bits {
         walk,
         groups,
@@ -72,17 +74,17 @@ pub fn cover(
         grid: *grid,
         splits: runs.splits,
         sums,
-        samples: samples(runner.arena, groups as u32 * 16),
-        turns: turns(runner.arena),
+        samples: put_samples(runner.arena, outline, groups as u32 * 16),
+        turns: put_turns(runner.arena, outline),
     };
     // SAFETY: each task writes the sums of its own samples: a sample lies in one run.
     runner.run(&unsafe { Step::independent("soft", walk.run_count(), bits) })
 }
 
 /// Puts the samples of the light into the arena, untimed: constants of the program.
-fn samples(arena: &mut Arena, count: u32) -> Columns<LightSample> {
+fn put_samples(arena: &mut Arena, outline: Outline, count: u32) -> Columns<LightSample> {
     let columns = Columns::overwritten(arena, count);
-    let places = spiral(count);
+    let places = places(outline, count);
     for axis in 0..2 {
         let values = places.iter().map(|place| (place[axis] as f32).to_bits());
         fill(arena, columns.column(field!(LightSample.place[axis])), values);
@@ -90,13 +92,35 @@ fn samples(arena: &mut Arena, count: u32) -> Columns<LightSample> {
     columns
 }
 
+/// Places of `count` samples of a light, a power of two: each stands for as much of it as any other.
+pub fn places(outline: Outline, count: u32) -> Vec<DVec2> {
+    let even = |i: u32| (2.0 * f64::from(i) + 1.0) / f64::from(count) - 1.0;
+    match outline {
+        Outline::Disc => spiral(count),
+        // Even along one side, and along the other by the bits of the number read backward [hammersley60].
+        Outline::Square => (0..count)
+            .map(|i| DVec2::new(even(i), even(i.reverse_bits() >> (32 - count.trailing_zeros()))))
+            .collect(),
+        Outline::Line => (0..count).map(|i| DVec2::new(even(i), 0.0)).collect(),
+    }
+}
+
+/// Directions that the samples of a light are turned to, from pixel to pixel.
+pub fn turns(outline: Outline) -> Vec<DVec2> {
+    match outline {
+        // Those of the spiral's own samples: no two alike, and evenly around.
+        Outline::Disc => spiral(TURNS).into_iter().map(|place| place.normalize()).collect(),
+        Outline::Square => [DVec2::X, DVec2::Y, DVec2::NEG_X, DVec2::NEG_Y].repeat(TURNS as usize / 4),
+        Outline::Line => vec![DVec2::X; TURNS as usize],
+    }
+}
+
 /// Puts the directions that samples are turned to into the arena, untimed: constants of the program.
-fn turns(arena: &mut Arena) -> Columns<Turn> {
+fn put_turns(arena: &mut Arena, outline: Outline) -> Columns<Turn> {
     let columns = Columns::overwritten(arena, TURNS);
-    // Those of the spiral's own samples: no two alike, and evenly around.
-    let directions = spiral(TURNS).into_iter().map(|place| place.normalize());
-    fill(arena, columns.column(field!(Turn.cos)), directions.clone().map(|d| (d.x as f32).to_bits()));
-    fill(arena, columns.column(field!(Turn.sin)), directions.map(|d| (d.y as f32).to_bits()));
+    let directions = turns(outline);
+    fill(arena, columns.column(field!(Turn.cos)), directions.iter().map(|d| (d.x as f32).to_bits()));
+    fill(arena, columns.column(field!(Turn.sin)), directions.iter().map(|d| (d.y as f32).to_bits()));
     columns
 }
 
@@ -268,9 +292,16 @@ impl Shade for Bits {
         let e = [v.vsub(b[0], a[0]), v.vsub(b[1], a[1])];
         let zero = v.vset_f32(0.0);
         let length2 = dot(v, e, e);
+        let reach2 = match state.view.outline {
+            Outline::Disc | Outline::Line => length2,
+            Outline::Square => {
+                let reach2 = v.vset_f32(Outline::Square.reach2());
+                v.vmul(length2, reach2)
+            }
+        };
         let across = cross(v, a, b);
         let across2 = v.vmul(across, across);
-        let chord2 = v.vsub(length2, across2);
+        let chord2 = v.vsub(reach2, across2);
         let live = v.vcmp_gt_masked(live, chord2, zero);
         if !v.branch_any(live) {
             return;

@@ -1,6 +1,6 @@
 //! Soft shadow kernel: the signed part of the light's disc beyond each silhouette edge [johnson09, Eq. 3].
 //!
-//! An edge is projected from the receiver onto the disc of the light and cut to it. What is measured is the circular sector
+//! An edge is projected from the receiver onto the light and cut to it. On a disc, what is measured is the circular sector
 //! that the cut edge spans, seen from the middle of the disc, less the triangle between middle and edge. With the layers of
 //! `hard`, which count what hides the middle, these parts add up to what is covered [algorithms, 0]: a part is negative where
 //! the middle is on the occluder's side of the edge, since a layer was counted there, and positive where it is not.
@@ -22,7 +22,7 @@ use crate::irregular::run::{Samples, Shade, Walk};
 use crate::light::View;
 use crate::plane::{Vec3, side};
 use crate::record::{Record, Records};
-use crate::segment::{Vec2, segment};
+use crate::segment::Vec2;
 
 /// A whole light in fixed point: sums of 32-bit integers are the same in any order [algorithms, 6.9], and hold 127 lights.
 pub const WHOLE: f32 = (1 << 24) as f32;
@@ -103,7 +103,7 @@ impl Shade for Soft {
 #[inline(always)]
 pub fn view<V: Vpu>(v: &mut V, light: &LightConstants, points: Vec3<V>) -> View<V> {
     let per_radius = v.vset_f32(1.0 / light.radius);
-    View::new(v, light.disc, points, per_radius)
+    View::new(v, &light.shape, points, per_radius)
 }
 
 /// Adds to the coverage in F and B of 16 samples the signed part that an edge makes.
@@ -122,8 +122,8 @@ pub fn add_edge<V: Vpu>(
 ) -> [V::I32; 2] {
     let (live, [u0, u1]) = on_disc(v, view, live, edge);
 
-    // The part of the disc beyond the edge.
-    let (live, f) = segment(v, live, u0, u1);
+    // The part of the light beyond the edge.
+    let (live, f) = view.part_beyond(v, live, u0, u1);
     if !v.branch_any(live) {
         return coverage;
     }

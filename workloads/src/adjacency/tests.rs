@@ -100,7 +100,9 @@ fn a_box_that_is_exported_for_both_sides_casts_the_shadow_of_one() {
     };
     let one = visibility("one_box.json");
     for name in ["both_sides_quads_dcba.json", "same_winding_bcda.json"] {
-        assert_eq!(visibility(name), one, "{name}");
+        // Edges are summed in another order.
+        let off = visibility(name).iter().zip(&one).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(off < 1e-12, "{name}: {off}");
     }
 }
 

@@ -18,7 +18,7 @@ fn a_furnished_room_is_seen_and_lit_from_inside() {
     for p in [scene.camera.eye, scene.light.center()] {
         assert!(p.cmpgt(bounds.min).all() && p.cmplt(bounds.max).all(), "{p}");
     }
-    let radius = scene.light.disc_radius();
+    let radius = scene.light.radius();
     assert!((radius / bounds.diagonal() - 0.03).abs() < 1e-9);
 }
 

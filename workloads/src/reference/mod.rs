@@ -19,4 +19,4 @@ pub use metrics::ErrorMetrics;
 pub use occluders::{Occluders, Projection};
 pub(crate) use rays::GOLDEN_ANGLE;
 pub use rays::{Rays, Truth, shadow_rays, spiral};
-pub use segment::area_beyond;
+pub use segment::{area_beyond, line_beyond, square_beyond};

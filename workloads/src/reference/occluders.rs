@@ -4,68 +4,114 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use super::hard::{greatest_t, hard_test, is_left};
-use super::segment::area_beyond;
+use super::segment::{area_beyond, line_beyond, square_beyond};
 use crate::adjacency::{Adjacency, Counting, EdgeWeights, Stance, counts, stances};
 use crate::eye::EyeView;
-use crate::light::Light;
+use crate::light::{Light, LightShape, dual};
 use crate::mesh::Mesh;
 use crate::shadow_input::ShadowInput;
 
 /// Edges are clipped this far in front of the receiver, as a part of its distance from the light.
 const CLIP_EPS: f64 = 1e-6;
 
-/// The light seen from one receiver: vertices become positions on the unit disc. [algorithms, §2.5, §2.6]
+/// The light seen from one receiver: vertices become places on it. [algorithms, §2.5, §2.6]
+///
+/// Places on a disc are in radii, those on a rectangle in its half sides; on a line the first number is in half lines, and the
+/// second says how far beside it a place is.
 #[derive(Debug, Clone, Copy)]
 pub struct Projection {
     p: DVec3,
+    /// Direction across the light's plane, away from the receiver.
     axis: DVec3,
-    basis: [DVec3; 2],
-    /// Foot of the perpendicular from the receiver on the disc's plane, in the basis.
+    /// The vectors in the light's plane that are 1 long in places.
+    units: [DVec3; 2],
+    /// The vectors whose products with a point of the light's plane are its place.
+    along: [DVec3; 2],
+    /// Place of the foot of the perpendicular from the receiver on the light's plane.
     foot: DVec2,
     distance: f64,
-    radius: f64,
+    area: Area,
+}
+
+/// What places belong to a light.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Area {
+    Disc,
+    Square,
+    Line,
 }
 
 impl Projection {
-    /// The disc that receiver `p` sees (light at the origin), of `radius` across `normal`; `None`: it faces the
-    /// receiver.
+    /// What receiver `p` sees of the light of `shape` about the origin; `radius` is that of a disc.
     #[must_use]
-    pub fn new(p: DVec3, radius: f64, normal: Option<DVec3>) -> Self {
-        let axis = match normal {
-            None => -p.normalize(),
-            Some(n) if n.dot(p) > 0.0 => -n,
-            Some(n) => n,
+    pub fn new(p: DVec3, radius: f64, shape: LightShape) -> Self {
+        let away = |normal: DVec3| if normal.dot(p) > 0.0 { -normal } else { normal };
+        let disc = |axis: DVec3| {
+            let (u, v) = axis.any_orthonormal_pair();
+            (axis, [u * radius, v * radius], [u / radius, v / radius], Area::Disc)
         };
-        let (u, v) = axis.any_orthonormal_pair();
+        let (axis, units, along, area) = match shape {
+            LightShape::Facing => disc(-p.normalize()),
+            LightShape::Disc { normal } => disc(away(normal)),
+            LightShape::Rect { halves: [u, v] } => {
+                // Turned around with the axis: from either side, left of an edge is left of it.
+                let v = if u.cross(v).dot(p) > 0.0 { -v } else { v };
+                (u.cross(v).normalize(), [u, v], dual(u, v), Area::Square)
+            }
+            LightShape::Line { half } => {
+                let beside = p - half * (p.dot(half) / half.length_squared());
+                let axis = -beside.normalize_or(half.any_orthonormal_vector());
+                let aside = axis.cross(half);
+                let per_square = half.length_squared().recip();
+                (axis, [half, aside], [half * per_square, aside * per_square], Area::Line)
+            }
+        };
         // A disc that faces the receiver has it straight ahead: leave the rounding of that out.
-        let foot = if normal.is_some() { DVec2::new(p.dot(u), p.dot(v)) } else { DVec2::ZERO };
-        Self { p, axis, basis: [u, v], foot, distance: -p.dot(axis), radius }
+        let foot = match shape {
+            LightShape::Facing => DVec2::ZERO,
+            LightShape::Line { .. } => DVec2::new(p.dot(along[0]), 0.0),
+            _ => DVec2::from(along.map(|along| p.dot(along))),
+        };
+        Self { p, axis, units, along, foot, distance: -p.dot(axis), area }
     }
 
-    /// Position of `v` on the disc; `v` must lie between receiver and light.
+    /// Place of `v` on the light; `v` must lie between receiver and light.
     #[must_use]
     pub fn vertex(&self, v: DVec3) -> DVec2 {
-        self.on_disc(v - self.p)
+        self.place(v - self.p)
     }
 
-    /// Position of the point at `q` from the receiver.
-    fn on_disc(&self, q: DVec3) -> DVec2 {
+    /// Place of the point at `q` from the receiver.
+    fn place(&self, q: DVec3) -> DVec2 {
         let stretch = self.distance / q.dot(self.axis);
-        let [u, v] = self.basis;
-        (self.foot + DVec2::new(q.dot(u), q.dot(v)) * stretch) / self.radius
+        self.foot + DVec2::from(self.along.map(|along| q.dot(along))) * stretch
     }
 
-    /// Part of the disc beyond the plane through the receiver across `normal`, seen from the middle of the disc.
+    /// Part of the light beyond the edge `u0 u1`, inside the wedge that the edge subtends at the light's middle.
+    fn part_beyond(&self, u0: DVec2, u1: DVec2) -> f64 {
+        match self.area {
+            Area::Disc => area_beyond(u0, u1),
+            Area::Square => square_beyond(u0, u1),
+            Area::Line => line_beyond(u0, u1),
+        }
+    }
+
+    /// What `normal` makes of places: those on the plane across it through the receiver have with this a product of the second.
+    fn slope(&self, normal: DVec3) -> (DVec2, f64) {
+        (DVec2::from(self.units.map(|unit| unit.dot(normal))), self.p.dot(normal))
+    }
+
+    /// Part of the light beyond the plane through the receiver across `normal`, seen from the light's middle.
     fn beyond_plane(&self, normal: DVec3) -> f64 {
-        let slope = DVec2::new(normal.dot(self.basis[0]), normal.dot(self.basis[1]));
-        let distance = self.p.dot(normal) / (self.radius * slope.length());
-        // A plane in which the disc lies, and what is no plane, has no distance.
-        if distance.is_nan() || distance.abs() >= 1.0 {
+        let (slope, offset) = self.slope(normal);
+        let distance = offset / slope.length();
+        // A plane in which the light lies, and what is no plane, has no distance.
+        if distance.is_nan() || distance.abs() >= 2.0 {
             return 0.0;
         }
         let across = slope.normalize();
         let foot = across * distance;
-        area_beyond(foot - across.perp() * 2.0, foot + across.perp() * 2.0)
+        self.part_beyond(foot - across.perp() * 2.0, foot + across.perp() * 2.0)
     }
 
     /// The edge on the disc, clipped between receiver and light; `None` if nothing is left.
@@ -84,7 +130,7 @@ impl Projection {
             let bound = h.clamp(low, high);
             if bound == h { q } else { q0 + (q1 - q0) * ((bound - h0) / (h1 - h0)) }
         };
-        Some([self.on_disc(clip(q0, h0)), self.on_disc(clip(q1, h1))])
+        Some([self.place(clip(q0, h0)), self.place(clip(q1, h1))])
     }
 }
 
@@ -107,7 +153,7 @@ pub struct Occluders {
     faces: Vec<Face>,
     edges: Vec<Silhouette>,
     radius: f64,
-    normal: Option<DVec3>,
+    shape: LightShape,
 }
 
 impl Occluders {
@@ -121,7 +167,10 @@ impl Occluders {
         let rows: Vec<&[u32]> = (0..input.edges.len()).map(row).collect();
         let mut made = Self::make(vertices, &input.triangles, &input.counting, &input.edges, &rows);
         made.radius = f64::from(input.light_radius);
-        made.normal = input.light_normal.map(|n| glam::Vec3::from(n).as_dvec3().normalize());
+        made.shape = match input.light_shape {
+            LightShape::Disc { normal } => LightShape::Disc { normal: normal.normalize() },
+            shape => shape,
+        };
         made
     }
 
@@ -143,8 +192,8 @@ impl Occluders {
         let rows: Vec<&[u32]> = (0..adjacency.edges.len()).map(row).collect();
         let vertices = mesh.positions.iter().map(|&p| p - center).collect();
         let mut made = Self::make(vertices, &triangles, &adjacency.counting, &adjacency.edges, &rows);
-        made.radius = light.disc_radius();
-        made.normal = light.disc_normal();
+        made.radius = light.radius();
+        made.shape = light.shape();
         made
     }
 
@@ -183,7 +232,7 @@ impl Occluders {
             })
             .filter(|edge| edge.weights.is_silhouette())
             .collect();
-        Self { vertices, faces, edges, radius: 0.0, normal: None }
+        Self { vertices, faces, edges, radius: 0.0, shape: LightShape::Facing }
     }
 
     /// Edges with a weight other than 0.
@@ -219,11 +268,11 @@ impl Occluders {
         let (mut front, mut back) = (f64::from(layers.front), f64::from(layers.back));
         // Penumbra: what each silhouette takes from the layers or adds to them.
         if self.radius > 0.0 {
-            let projection = Projection::new(p, self.radius, self.normal);
+            let projection = Projection::new(p, self.radius, self.shape);
             for edge in &self.edges {
                 let [v0, v1] = edge.v.map(|v| self.vertices[v as usize]);
                 let Some([u0, u1]) = projection.edge(v0, v1) else { continue };
-                let area = area_beyond(u0, u1);
+                let area = projection.part_beyond(u0, u1);
                 if area != 0.0 {
                     let signed = if is_left(p, v0, v1) { -area } else { area };
                     front += signed * f64::from(edge.weights.front);
@@ -241,14 +290,13 @@ impl Occluders {
         (front, back)
     }
 
-    /// How many of some samples of the light, on the unit disc that receiver `p` sees, are covered: those before which there
-    /// is a layer of F or of B. Counts each by itself: layers before the middle of the light, and from there one more or
+    /// How many of some samples of the light, places on what receiver `p` sees of it, are covered: those before which there is a layer of F or of B. Counts each by itself: layers before the middle of the light, and from there one more or
     /// less at each silhouette that the way to the sample crosses.
     #[must_use]
     pub fn covered_samples(&self, p: DVec3, own: u32, places: &[DVec2]) -> usize {
         let middle = self.layers(p, own);
         let mut counts = vec![middle; places.len()];
-        let projection = Projection::new(p, self.radius, self.normal);
+        let projection = Projection::new(p, self.radius, self.shape);
         for edge in &self.edges {
             let [v0, v1] = edge.v.map(|v| self.vertices[v as usize]);
             let Some([a, b]) = projection.edge(v0, v1) else { continue };
@@ -266,10 +314,9 @@ impl Occluders {
         if let Some(face) = self.faces.get(own as usize) {
             let [a, b, c] = face.index.map(|v| self.vertices[v as usize]);
             let normal = (b - a).cross(c - a);
-            let slope = DVec2::from(projection.basis.map(|side| normal.dot(side))) * self.radius;
-            let middle = -p.dot(normal);
+            let (slope, offset) = projection.slope(normal);
             for (place, count) in places.iter().zip(&mut counts) {
-                if (middle + slope.dot(*place)) * middle < 0.0 {
+                if (offset - slope.dot(*place)) * offset < 0.0 {
                     count.front += face.front;
                     count.back += face.back;
                 }

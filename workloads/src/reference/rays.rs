@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use crate::bvh::{Bvh, Ray};
 use crate::eye::EyeView;
-use crate::light::Light;
+use crate::light::{Light, LightShape};
 use crate::mesh::Mesh;
 
 /// π (3 - √5): successive samples of the spiral.
@@ -195,9 +195,12 @@ impl Rays {
             Light::Rect { half_u, half_v, .. } => ([half_u, half_v], Some(shift)),
             Light::Linear { p0, p1 } => ([(p1 - p0) * 0.5, DVec3::ZERO], Some(shift)),
             Light::Sphere { .. } | Light::Disc { .. } | Light::Point { .. } => {
-                let axis = self.light.disc_normal().unwrap_or_else(|| (p - center).normalize_or(DVec3::Y));
+                let axis = match self.light.shape() {
+                    LightShape::Disc { normal } => normal,
+                    _ => (p - center).normalize_or(DVec3::Y),
+                };
                 let (u, v) = axis.any_orthonormal_pair();
-                let (u, v) = (u * self.light.disc_radius(), v * self.light.disc_radius());
+                let (u, v) = (u * self.light.radius(), v * self.light.radius());
                 let (sin, cos) = (libm::sin(turn * TAU), libm::cos(turn * TAU));
                 ([u * cos + v * sin, v * cos - u * sin], None)
             }

@@ -5,7 +5,7 @@ use serde_json::Value;
 
 use super::*;
 use crate::adjacency::{Adjacency, prepare};
-use crate::light::Light;
+use crate::light::{Light, LightShape};
 use crate::mesh::Mesh;
 use crate::{EyeView, ShadowInput, load_scene};
 
@@ -94,12 +94,12 @@ fn vertices_land_on_the_light_where_the_oracles_say() {
         let (p, v) = (vec3(&case["inputs"]["p"]), vec3(&case["inputs"]["v"]));
         let r = case["inputs"]["r"].as_f64().expect("a radius");
         if let Some(expected) = case["expected"]["len_u_facing"].as_f64() {
-            let facing = Projection::new(p, r, None).vertex(v).length();
+            let facing = Projection::new(p, r, LightShape::Facing).vertex(v).length();
             check(&case, "len_u_facing", facing, 1e-12 * expected.abs().max(1.0));
         }
         if case["expected"]["u_parallel"].is_array() {
             let expected = vec2(&case["expected"]["u_parallel"]).length();
-            let parallel = Projection::new(p, r, Some(DVec3::Z)).vertex(v).length();
+            let parallel = Projection::new(p, r, LightShape::Disc { normal: DVec3::Z }).vertex(v).length();
             assert!((parallel - expected).abs() <= 1e-12 * expected.max(1.0), "{}", case["id"]);
         }
     }
@@ -329,21 +329,72 @@ fn brute_force_agrees_with_the_truth_within_its_own_error() {
         .map(|angle| [0.4 * libm::cos(angle), 2.0 + 0.2 * libm::sin(angle), 0.5 * libm::sin(angle)])
         .collect();
     let mesh = polygons(&serde_json::json!([corners]));
-    let light = Light::Sphere { center: DVec3::new(0.2, 4.0, 0.1), radius: 0.3 };
-    let points =
-        (0..2500).map(|i| DVec3::new(f64::from(i % 50) * 0.06 - 1.6, 0.0, f64::from(i / 50) * 0.06 - 1.6));
-    let eye = receivers(points.collect());
-    let truth = Truth::new(&mesh, &light, &eye, 256, &|| ());
-    let adjacency = Adjacency::new(&mesh);
-    let exact = Occluders::from_mesh(&mesh, &adjacency, &light);
-    let visible: Vec<f64> =
-        eye.points.iter().map(|&p| exact.visibility_at(p - light.center(), u32::MAX)).collect();
-    let metrics = ErrorMetrics::new(&truth.visibility(), &visible);
-    let doubt = truth.doubt();
-    let stated = (doubt.iter().map(|x| x * x).sum::<f64>() / metrics.in_question as f64).sqrt();
-    println!("{metrics:?}, stated {stated}");
-    assert!(metrics.shadowed > 300 && metrics.rmse < 1.25 * stated, "{metrics:?}, stated {stated}");
-    assert!(metrics.bias.abs() < stated / 4.0, "{metrics:?}, stated {stated}");
+    let center = DVec3::new(0.2, 4.0, 0.1);
+    for light in [
+        Light::Sphere { center, radius: 0.3 },
+        Light::Disc { center, normal: DVec3::new(0.3, 1.0, 0.2), radius: 0.3 },
+        Light::Rect { center, half_u: DVec3::new(0.3, 0.05, 0.0), half_v: DVec3::new(0.1, 0.0, 0.2) },
+        Light::Linear { p0: center - DVec3::new(0.3, 0.1, 0.1), p1: center + DVec3::new(0.3, 0.1, 0.1) },
+    ] {
+        let points = (0..2500)
+            .map(|i| DVec3::new(f64::from(i % 50) * 0.06 - 1.6, 0.0, f64::from(i / 50) * 0.06 - 1.6));
+        let eye = receivers(points.collect());
+        let truth = Truth::new(&mesh, &light, &eye, 256, &|| ());
+        let adjacency = Adjacency::new(&mesh);
+        let exact = Occluders::from_mesh(&mesh, &adjacency, &light);
+        let visible: Vec<f64> =
+            eye.points.iter().map(|&p| exact.visibility_at(p - light.center(), u32::MAX)).collect();
+        let metrics = ErrorMetrics::new(&truth.visibility(), &visible);
+        let doubt = truth.doubt();
+        let stated = (doubt.iter().map(|x| x * x).sum::<f64>() / metrics.in_question as f64).sqrt();
+        println!("{light:?}: {metrics:?}, stated {stated}");
+        assert!(metrics.shadowed > 300 && metrics.rmse < 1.25 * stated, "{light:?}: {metrics:?}, {stated}");
+        assert!(metrics.bias.abs() < stated / 4.0, "{light:?}: {metrics:?}, stated {stated}");
+    }
+}
+
+/// Part of the square beyond an edge, as a count of the cells whose middles are.
+fn cells_beyond(u0: DVec2, u1: DVec2) -> f64 {
+    const SIDE: i32 = 400;
+    let beyond = |i: i32| {
+        let at = |k: i32| (2.0 * f64::from(k) + 1.0) / f64::from(SIDE) - 1.0;
+        let place = DVec2::new(at(i % SIDE), at(i / SIDE));
+        let side = u0.perp_dot(u1);
+        let in_wedge = u0.perp_dot(place) * side > 0.0 && place.perp_dot(u1) * side > 0.0;
+        in_wedge && (place - u0).perp_dot(u1 - u0) * (-u0).perp_dot(u1 - u0) < 0.0
+    };
+    f64::from((0..SIDE * SIDE).filter(|&i| beyond(i)).count() as u32) / f64::from(SIDE * SIDE)
+}
+
+#[test]
+fn what_lies_beyond_an_edge_of_a_square_is_what_can_be_counted() {
+    let mut state = 7_u64;
+    let mut random = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 11) as f64 / (1_u64 << 53) as f64 * 2.0 - 1.0
+    };
+    for reach in [0.8, 1.5, 6.0] {
+        for _ in 0..40 {
+            let (u0, u1) = (DVec2::new(random(), random()) * reach, DVec2::new(random(), random()) * reach);
+            let (part, count) = (square_beyond(u0, u1), cells_beyond(u0, u1));
+            assert!((part - count).abs() < 0.004, "{u0} {u1}: {part}, counted {count}");
+            assert!((square_beyond(u1, u0) - part).abs() < 1e-15, "{u0} {u1}");
+        }
+    }
+    let part = |u0: [f64; 2], u1: [f64; 2]| square_beyond(u0.into(), u1.into());
+    // Half of it, a quarter, a corner cut off, sides, and what has no length, no wedge or no end.
+    assert_eq!(part([-3.0, 0.0], [3.0, 0.0]), 0.5);
+    assert_eq!(part([-3.0, 0.5], [3.0, 0.5]), 0.25);
+    assert!((part([0.5, 1.0], [1.0, 0.5]) - 0.125 / 4.0).abs() < 1e-15);
+    assert_eq!(part([-1.0, 1.0], [1.0, 1.0]), 0.0);
+    assert_eq!(part([0.3, 0.3], [0.3, 0.3]), 0.0);
+    assert_eq!(part([0.0, 0.0], [0.5, 0.5]), 0.0);
+    assert!((part([-1e9, 0.5 - 1e9], [1e9, 0.5 + 1e9]) - 0.28125).abs() < 1e-7);
+    // A line: from where it is crossed to its end.
+    assert_eq!(line_beyond([0.5, -1.0].into(), [0.5, 2.0].into()), 0.25);
+    assert_eq!(line_beyond([-0.5, 2.0].into(), [-0.5, -1.0].into()), 0.25);
+    assert_eq!(line_beyond([1.5, -1.0].into(), [1.5, 2.0].into()), 0.0);
+    assert_eq!(line_beyond([0.5, 1.0].into(), [0.5, 2.0].into()), 0.0);
 }
 
 #[test]

@@ -101,7 +101,7 @@ fn inputs_of_kernels_do_not_depend_on_the_scale_of_the_scene() {
     large.camera.eye *= factor;
     large.camera.target *= factor;
     let center = scene.light.center() * factor;
-    large.light = Light::Sphere { center, radius: scene.light.disc_radius() * factor };
+    large.light = Light::Sphere { center, radius: scene.light.radius() * factor };
     let (small, mut large) = (input(&scene), input(&large));
     assert_eq!(large.scale_log2, small.scale_log2 + 10);
     large.scale_log2 -= 10;
@@ -155,7 +155,7 @@ fn all_kinds_of_light_can_be_written() {
         let light: Light = serde_json::from_str(text).expect(text);
         assert_eq!(serde_json::from_str::<Light>(&crate::light_json(&light)).expect(text), light);
     }
-    assert_eq!(Light::Point { center: DVec3::X }.disc_radius(), 0.0);
+    assert_eq!(Light::Point { center: DVec3::X }.radius(), 0.0);
 }
 
 /// Name, triangles, silhouette edges [algorithms, §2.10], least part of the receivers in penumbra.
@@ -208,7 +208,7 @@ fn the_lamp_of_the_saloon_is_in_view_and_close_to_things() {
     assert!(to_light.dot(axes.up).abs() < depth * axes.up.length_squared());
     let near = scene.mesh.positions.iter().map(|p| (*p - scene.light.center()).length());
     let nearest = near.fold(f64::INFINITY, f64::min);
-    assert!(nearest < 1.0 && nearest > scene.light.disc_radius(), "{nearest}");
+    assert!(nearest < 1.0 && nearest > scene.light.radius(), "{nearest}");
 }
 
 /// FNV-1a of the scene as it is exported: every coordinate in full, camera, picture size and light.

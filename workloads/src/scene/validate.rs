@@ -12,6 +12,8 @@ use crate::mesh::{Mesh, length};
 const SIDE_MAX: u32 = 16384;
 /// Sine of the least angle between view and up.
 const UP_SINE_MIN: f64 = 1e-6;
+/// Sine of the least angle between the sides of a rectangle.
+const RECT_SINE_MIN: f64 = 1e-3;
 /// Least diagonal of a scene: its cube is still a normal f64.
 const DIAGONAL_MIN: f64 = 1e-100;
 /// Largest radius of a light as a multiple of the scene's diagonal: kernels square it in f32, twice.
@@ -55,7 +57,7 @@ pub(super) fn validate_mesh(mesh: &Mesh, name: &str) -> Result<(), SceneError> {
 /// # Errors
 /// [`SceneError::Value`] if it is.
 pub fn validate_light_size(light: &Light, mesh: &Mesh) -> Result<(), SceneError> {
-    let (radius, diagonal) = (light.disc_radius(), mesh.bounds().diagonal());
+    let (radius, diagonal) = (light.radius(), mesh.bounds().diagonal());
     if radius <= LIGHT_RADIUS_MAX * diagonal {
         return Ok(());
     }
@@ -99,12 +101,24 @@ fn image(image: ImageSize) -> Result<(), SceneError> {
 
 fn light(light: &Light) -> Result<(), SceneError> {
     match *light {
-        // Drawn as a disc of their area they would be off by up to three quarters of the light.
-        Light::Rect { .. } | Light::Linear { .. } => Err(value(
-            "light.kind",
-            if matches!(light, Light::Rect { .. }) { "`rect`" } else { "`linear`" },
-            "`sphere`, `disc` or `point`: no kernel draws rectangular or linear lights yet",
-        )),
+        Light::Rect { center, half_u, half_v } => {
+            point("light.center", center)?;
+            point("light.half_u", half_u)?;
+            point("light.half_v", half_v)?;
+            let area = length(half_u.cross(half_v));
+            if area > RECT_SINE_MIN * length(half_u) * length(half_v) {
+                return Ok(());
+            }
+            Err(value(
+                "light.half_v",
+                half_v,
+                "across `light.half_u`, neither of them 0; a `linear` light has no width",
+            ))
+        }
+        Light::Linear { p0, p1 } => {
+            point("light.p0", p0)?;
+            point("light.p1", p1)
+        }
         Light::Sphere { center, radius } => {
             point("light.center", center)?;
             size("light.radius", radius)

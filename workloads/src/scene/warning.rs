@@ -5,7 +5,6 @@ use std::path::Path;
 
 use super::Scene;
 use crate::adjacency::{Adjacency, Stance, stances};
-use crate::light::Light;
 use crate::mesh::ObjectRange;
 use crate::obj::LeftOut;
 
@@ -87,10 +86,7 @@ impl Scene {
 
     /// The triangle that is nearest to a light that reaches it.
     fn touched(&self) -> Option<SceneWarning> {
-        if matches!(self.light, Light::Rect { .. } | Light::Linear { .. }) {
-            return None;
-        }
-        let radius = self.light.disc_radius();
+        let radius = self.light.radius();
         let distances = (0..self.mesh.triangles.len()).map(|t| self.light.distance_to(self.mesh.corners(t)));
         let (triangle, distance) = distances.enumerate().min_by(|a, b| a.1.total_cmp(&b.1))?;
         if distance > radius {
