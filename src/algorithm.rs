@@ -31,7 +31,9 @@ impl Algorithm {
 
     /// An error where the algorithm cannot draw `light`.
     pub fn check_light(&self, light: &Light) -> Result<(), BadInput> {
-        self.method.objection_to_light(&self.options, light).map_or(Ok(()), |message| Err(BadInput::new(message)))
+        self.method
+            .objection_to_light(&self.options, light)
+            .map_or(Ok(()), |message| Err(BadInput::new(message)))
     }
 
     /// Name without options, as in the default name of a result folder.

@@ -64,7 +64,10 @@ fn an_unknown_name_lists_the_known_ones() {
         refused(
             &folder,
             &["tiny", "-a", text],
-            &["a comma without an option", "it must be `form=…`, `overlap=…`, `lights=…`, `sums=…` or `angle=…`"],
+            &[
+                "a comma without an option",
+                "it must be `form=…`, `overlap=…`, `lights=…`, `sums=…` or `angle=…`",
+            ],
         );
     }
     for text in ["sism:form", "sism:form="] {

@@ -3,7 +3,8 @@
 mod common;
 
 use common::{
-    Lanewise, On, Random, Run, back_ends, cases, evaluate, input, of_loops, power_of_ten, random_scene, shipped, sphere,
+    Lanewise, On, Random, Run, back_ends, cases, evaluate, input, of_loops, power_of_ten, random_scene,
+    shipped, sphere,
 };
 use lrbsim_isa::{HostSimd, Vpu};
 use lrbsim_kernels::irregular::primitives::Form;
@@ -138,17 +139,23 @@ fn a_disc_of_many_edges_is_off_by_what_the_table_says() {
     for (kept, angle, most) in [
         (Kept::Fixed, Angle::Atan2, [1e-6, 1e-6, 1e-6, 2e-6, 2e-6, 4e-6]),
         (Kept::F32, Angle::Atan2, [1e-6, 1e-6, 1e-6, 2e-6, 4e-6, 1e-5]),
-        (Kept::Bf16, Angle::Atan2, [1.0; 6]),
-        (Kept::F16, Angle::Atan2, [1.0; 6]),
-        (Kept::F16Truncating, Angle::Atan2, [1.0; 6]),
-        (Kept::Fixed, Angle::Acos, [1.0; 6]),
+        (Kept::Bf16, Angle::Atan2, [3e-3, 8e-3, 0.2, 0.6, 0.65, 0.65]),
+        (Kept::F16, Angle::Atan2, [1e-3, 2e-3, 1e-2, 0.2, 0.5, 0.65]),
+        (Kept::F16Truncating, Angle::Atan2, [2e-3, 1e-2, 0.2, 0.4, 0.6, 0.65]),
+        (Kept::Fixed, Angle::Acos, [1e-6, 2e-6, 1e-4, 1e-3, 5e-3, 0.4]),
     ] {
         let mut row = Vec::new();
         for (edges, most) in [4, 64, 1024, 4096, 16_384, 65_536].into_iter().zip(most) {
             let choices = Choices { sums: kept, angle, ..Overlap::Sum.into() };
             let (found, truth) = circle(edges, choices);
-            row.push(format!("{:+.1e}", found - truth));
-            assert!((found - truth).abs() <= most, "{kept:?} {angle:?}, {edges} edges: {found}, truth {truth}");
+            let off = found - truth;
+            row.push(format!("{off:+.1e}"));
+            // What loses terms has lost the better part of them in the end.
+            assert!(edges < 65_536 || most < 0.1 || off.abs() > 0.1, "{kept:?} {angle:?}: only {off} off");
+            assert!(
+                (found - truth).abs() <= most,
+                "{kept:?} {angle:?}, {edges} edges: {found}, truth {truth}"
+            );
         }
         println!("| {kept:?} {angle:?} | {} |", row.join(" | "));
     }
@@ -157,13 +164,22 @@ fn a_disc_of_many_edges_is_off_by_what_the_table_says() {
 /// The other table of docs/accuracy.md: scenes against brute force in f64.
 #[test]
 fn scenes_are_off_by_what_the_table_says() {
-    for (name, size) in
-        [("tiny", None), ("table", Some((96, 72))), ("saloon-small", Some((80, 60))), ("fern", Some((80, 60)))]
-    {
+    for (name, size) in [
+        ("tiny", None),
+        ("table", Some((96, 72))),
+        ("saloon-small", Some((80, 60))),
+        ("fern", Some((80, 60))),
+    ] {
         let input = shipped(name, size).2;
         let truth = Occluders::from_input(&input).visibility(&input);
-        let settings = KEPT.map(|kept| (kept, Angle::Atan2)).into_iter().chain([(Kept::Fixed, Angle::Acos)]);
-        for (kept, angle) in settings {
+        for (kept, angle, most) in [
+            (Kept::Fixed, Angle::Atan2, 5e-7),
+            (Kept::F32, Angle::Atan2, 5e-7),
+            (Kept::Bf16, Angle::Atan2, 5e-3),
+            (Kept::F16, Angle::Atan2, 1e-3),
+            (Kept::F16Truncating, Angle::Atan2, 2e-2),
+            (Kept::Fixed, Angle::Acos, 5e-5),
+        ] {
             let choices = Choices { sums: kept, angle, ..Overlap::Sum.into() };
             let run = Run::with(&input, choices, On::Host(HostSimd::detect(), 2));
             let found: Vec<f64> = run.visibility().into_iter().map(f64::from).collect();
@@ -172,15 +188,16 @@ fn scenes_are_off_by_what_the_table_says() {
                 "| {name} | {kept:?} {angle:?} | {:.1e} | {:.1e} | {:.1e} | {:+.1e} | {} |",
                 metrics.atty_mae, metrics.p99, metrics.max, metrics.bias, run.phases["soft"]
             );
+            assert!(metrics.atty_mae <= most, "{name} {kept:?} {angle:?}: {metrics:?}");
         }
     }
 }
 
 #[test]
 fn every_setting_is_one_picture_on_all_back_ends_and_no_nan() {
-    for seed in 0..6 {
-        let (mesh, receivers) = random_scene(seed, 300);
-        for radius in [1e-3, 0.1, 2.0] {
+    for seed in 0..3 {
+        let (mesh, receivers) = random_scene(seed, 120);
+        for radius in [0.1, 2.0] {
             let input = input(mesh.clone(), sphere(radius), &receivers);
             for form in [Form::Exact, Form::Printed] {
                 for angle in [Angle::Atan2, Angle::Acos] {

@@ -85,7 +85,13 @@ impl LightConstants {
         // sin phi (1 - r/|p|) <= r (1/|v| - cos phi/|p|), and |p| > |v| > 2.5 r wherever the bound is used.
         let bound_radius =
             if disc == Disc::Facing { input.light_radius } else { input.light_radius * (5.0 / 3.0) };
-        LightConstants { disc, radius: input.light_radius, bound_radius, largest: input.largest, form: Form::Exact }
+        LightConstants {
+            disc,
+            radius: input.light_radius,
+            bound_radius,
+            largest: input.largest,
+            form: Form::Exact,
+        }
     }
 
     /// The bound of a penumbra's radius before the receivers have been looked at: as if one were as far as anything.

@@ -220,12 +220,7 @@ pub(crate) struct Image<V: Vpu> {
 /// The image of the edge from `a` to `b`, in a face's frame, which comes as near as `least` to the light. What lies off the axis
 /// so far that its depth is less than [`CLIP`] of that is cut away.
 #[inline(always)]
-pub(crate) fn image<V: Vpu>(
-    v: &mut V,
-    mut a: [V::F32; 3],
-    mut b: [V::F32; 3],
-    least: V::F32,
-) -> Image<V> {
+pub(crate) fn image<V: Vpu>(v: &mut V, mut a: [V::F32; 3], mut b: [V::F32; 3], least: V::F32) -> Image<V> {
     // Clip to what the image plane can hold.
     let clip = v.vset_f32(CLIP);
     let floor = v.vmul(clip, least);
@@ -302,7 +297,11 @@ impl<V: Vpu> Touch<V> for Edge<V> {
         let per_length2 = v.vblend_f32(has_length, per_length2, zero);
 
         if faces.form == primitives::Form::Printed {
-            return Edge::flat(v, radius, (in_front, from, to, along, per_length2), [per_a, per_b]);
+            let everywhere = v.mask_none();
+            let (near_width, far_width) = (radius, radius);
+            let edge =
+                Edge { from, along, per_length2, near_width, far_width, in_front, everywhere, flat: None };
+            return edge.flattened(v, to, [per_a, per_b]);
         }
 
         // Widths.
@@ -313,7 +312,8 @@ impl<V: Vpu> Touch<V> for Edge<V> {
         let cos2 = v.vnmadd(sin, sin, one);
         let cos2 = v.vmax(cos2, zero);
         let cos = math::sqrt(v, cos2);
-        let edge = Edge { from, along, per_length2, near_width, far_width: zero, in_front, everywhere, flat: None };
+        let edge =
+            Edge { from, along, per_length2, near_width, far_width: zero, in_front, everywhere, flat: None };
         let origin_distance2 = edge.distance2(v, [zero, zero]);
         let reach2 = v.vadd(origin_distance2, one);
         let reach = math::sqrt(v, reach2);
@@ -456,30 +456,24 @@ fn face_bits<V: Vpu>(v: &mut V, touched: [V::Mask; FACES as usize]) -> V::I32 {
 }
 
 impl<V: Vpu> Edge<V> {
-    /// An edge whose footprints are circles on the image plane, by its image.
+    /// The edge with the widths of circles on the image plane, in place of the light's radius. Its image ends at `to`.
     #[inline(always)]
-    fn flat(
-        v: &mut V,
-        radius: V::F32,
-        (in_front, from, to, along, per_length2): (V::Mask, [V::F32; 2], [V::F32; 2], [V::F32; 2], V::F32),
-        per_depths: [V::F32; 2],
-    ) -> Edge<V> {
+    fn flattened(self, v: &mut V, to: [V::F32; 2], per_depths: [V::F32; 2]) -> Edge<V> {
         let per_depth = v.vmax(per_depths[0], per_depths[1]);
-        let near_width = v.vmul(radius, per_depth);
+        let near_width = v.vmul(self.near_width, per_depth);
         let more = v.vset_f32(1.0 + WIDTH_SLACK);
         let near_width = v.vmul(near_width, more);
         let less = v.vset_f32(1.0 - WIDTH_SLACK);
-        let far_width = v.vmul(radius, less);
+        let far_width = v.vmul(self.far_width, less);
         // Ends that lie far off the face round by their own size.
         let mut farthest = v.vset_f32(1.0);
-        for x in [from[0], from[1], to[0], to[1]] {
+        for x in [self.from[0], self.from[1], to[0], to[1]] {
             let size = v.vabs(x);
             farthest = v.vmax(farthest, size);
         }
         let slack = v.vset_f32(IMAGE_SLACK);
         let slack = v.vmul(farthest, slack);
-        let everywhere = v.mask_none();
-        Edge { from, along, per_length2, near_width, far_width, in_front, everywhere, flat: Some(slack) }
+        Edge { near_width, far_width, flat: Some(slack), ..self }
     }
 
     /// Which of 16 rectangles hold receivers whose circle the edge can touch, see [`Touch::touch`].

@@ -93,7 +93,7 @@ impl Kept {
         self.rounded(v, sum)
     }
 
-    /// The number `x` of this format. Six operations to the nearest, one more for a limit; fourteen towards 0.
+    /// The number `x` of this format. 6 operations in bf16, 12 in f16 to the nearest, 16 towards 0; constants are among them.
     #[inline(always)]
     pub fn rounded<V: Vpu>(self, v: &mut V, x: V::F32) -> V::F32 {
         match self {

@@ -97,7 +97,10 @@ const ENTRY: Entry = Entry {
             about: "how the angle of a part is taken",
             values: Values::OneOf(&[
                 Word { name: "atan2", about: "from sine and cosine, right for the shortest edges" },
-                Word { name: "acos", about: "from the cosine, as in the paper: tells no angles apart below 3e-4" },
+                Word {
+                    name: "acos",
+                    about: "from the cosine, as in the paper: tells no angles apart below 3e-4",
+                },
             ]),
             default: "atan2",
             tacit: true,

@@ -111,13 +111,7 @@ impl Printed {
 
     /// The image plane of receivers at `points` on a face along `axis`.
     #[inline(always)]
-    fn plane_along<V: Vpu>(
-        &self,
-        v: &mut V,
-        axis: usize,
-        points: Vec3<V>,
-        first_image: V::S32,
-    ) -> Plane<V> {
+    fn plane_along<V: Vpu>(&self, v: &mut V, axis: usize, points: Vec3<V>, first_image: V::S32) -> Plane<V> {
         let depth = v.vabs(points[axis]);
         let per_depth = v.vrcp(depth);
         let place = [(axis + 1) % 3, (axis + 2) % 3];
@@ -135,7 +129,7 @@ impl Printed {
     }
 
     /// The signed part that edge `number` makes, but for its sign: that of each receiver's circle beyond the edge; the lanes of
-    /// `live` where the edge cuts it. 26 operations where the edge's line misses all circles, 93 for a part.
+    /// `live` where the edge cuts it. 34 operations where the edge's line misses all circles, 102 for a part.
     #[inline(always)]
     pub fn part<V: Vpu>(
         &self,
