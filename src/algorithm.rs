@@ -6,7 +6,7 @@ use std::str::FromStr;
 use lrbsim_isa::options::{self, ChoiceError, Options};
 use lrbsim_isa::{Phase, Runner, Stopped};
 use lrbsim_kernels::method::{METHODS, Method, Shadows};
-use lrbsim_workloads::ShadowInput;
+use lrbsim_workloads::{Light, ShadowInput};
 
 use crate::error::BadInput;
 
@@ -21,7 +21,19 @@ impl Algorithm {
     /// `method`, which need not be one of the shipped [`METHODS`], with the options that `options` gives, `KEY=VALUE,…`, and
     /// the defaults of all others.
     pub fn new(method: &'static dyn Method, options: &str) -> Result<Algorithm, BadInput> {
-        Ok(Algorithm { method, options: method.entry().options(options)? })
+        Algorithm { method, options: method.entry().options(options)? }.checked()
+    }
+
+    /// This algorithm, unless its method has something against its options together.
+    fn checked(self) -> Result<Algorithm, BadInput> {
+        self.method.objection(&self.options).map_or(Ok(self), |message| Err(BadInput::new(message)))
+    }
+
+    /// An error where the algorithm cannot draw `light`.
+    pub fn check_light(&self, light: &Light) -> Result<(), BadInput> {
+        self.method
+            .objection_to_light(&self.options, light)
+            .map_or(Ok(()), |message| Err(BadInput::new(message)))
     }
 
     /// Name without options, as in the default name of a result folder.
@@ -43,10 +55,14 @@ impl Algorithm {
         self.options.written()
     }
 
-    /// This algorithm with the option that `written`, `KEY=VALUE`, gives in place of what it was.
-    pub fn with_option(self, written: &str) -> Result<Algorithm, BadInput> {
-        let Algorithm { method, options } = self;
-        Ok(Algorithm { method, options: method.entry().with_option(options, written)? })
+    /// This algorithm with the options that `written` gives, each `KEY=VALUE`, in place of what they were.
+    pub fn with_options(self, written: impl IntoIterator<Item = String>) -> Result<Algorithm, BadInput> {
+        let Algorithm { method, mut options } = self;
+        for written in written {
+            options = method.entry().with_option(options, &written)?;
+        }
+        // All of them together: one alone may not go with what another replaces.
+        Algorithm { method, options }.checked()
     }
 
     /// All phases that the algorithm can have, in order.
@@ -94,7 +110,7 @@ impl FromStr for Algorithm {
     fn from_str(text: &str) -> Result<Algorithm, BadInput> {
         let entries = METHODS.iter().map(|method| method.entry());
         let (number, options) = options::choose("algorithm", text, entries)?;
-        Ok(Algorithm { method: METHODS[number], options })
+        Algorithm { method: METHODS[number], options }.checked()
     }
 }
 

@@ -97,6 +97,7 @@ pub fn run_frame(request: &RunRequest, progress: &dyn Progress) -> Result<RunOut
     let watch = Stopwatch::start();
     let RunRequest { scene, machine, fidelity, host, .. } = request;
     check_warm_frames(request.warm_frames)?;
+    request.algorithm.check_light(&scene.light)?;
     request.reference.as_ref().map_or(Ok(()), |reference| reference.check(scene))?;
 
     // What the eye sees: on the host, untimed, as in the paper.

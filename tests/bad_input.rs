@@ -51,31 +51,70 @@ fn an_unknown_name_lists_the_known_ones() {
     refused(
         &folder,
         &["tiny", "-a", "sism:form=round"],
-        &["`form` of `sism` is `round`; it must be `exact`"],
+        &["`form` of `sism` is `round`; it must be `exact` or `printed`"],
     );
     let nothing = "has no option after its colon; it must be";
     refused(
         &folder,
         &["tiny", "-a", "sism:"],
-        &["`sism:`", nothing, "`sism`, or `form=…`, `overlap=…` or `lights=…` after it"],
+        &["`sism:`", nothing, "`sism`, or `form=…`, `overlap=…`, `lights=…`, `sums=…` or `angle=…` after it"],
     );
     refused(&folder, &["tiny", "--fidelity", "windowed:"], &["`windowed:`", nothing, "`windowed`"]);
     for text in ["sism:,,", "sism:form=exact,"] {
         refused(
             &folder,
             &["tiny", "-a", text],
-            &["a comma without an option", "it must be `form=…`, `overlap=…` or `lights=…`"],
+            &[
+                "a comma without an option",
+                "it must be `form=…`, `overlap=…`, `lights=…`, `sums=…` or `angle=…`",
+            ],
         );
     }
     for text in ["sism:form", "sism:form="] {
         refused(
             &folder,
             &["tiny", "-a", text],
-            &["`form` of `sism` has no value; `form=` must be followed by `exact`"],
+            &["`form` of `sism` has no value; `form=` must be followed by `exact` or `printed`"],
         );
     }
     refused(&folder, &["tiny", "--fidelity", "exact"], &["`exact` is no fidelity"]);
     refused(&folder, &["tiny", "--host-simd", "mmx"], &["mmx"]);
+}
+
+#[test]
+fn options_that_do_not_go_together_are_refused() {
+    let folder = Folder::new();
+    for (option, right) in [("form=printed", "exact"), ("sums=f16", "fixed"), ("angle=acos", "atan2")] {
+        let (name, _) = option.split_once('=').expect("an option");
+        let said = format!("`{option}` of `sism` sums parts of the light, and `overlap=bits:64` sums none");
+        let right = format!("it must be `overlap=sum` or `{name}={right}`");
+        let text = format!("sism:{option},overlap=bits:64");
+        refused(&folder, &["tiny", "-a", &text], &[&said, &right]);
+        // In a study, where each comes from a part of its own.
+        let axis = format!(r#"{{"path": "algorithm.{name}", "values": ["{}"]}}"#, &option[name.len() + 1..]);
+        let base = r#"{"scene": "tiny", "fidelity": "functional", "algorithm": "sism:overlap=bits:64"}"#;
+        folder.write("study.json", &format!(r#"{{"name": "x", "base": {base}, "axes": [{axis}]}}"#));
+        folder.run(&["study", "study.json"]).refused(&[&said, &right]);
+    }
+}
+
+#[test]
+fn the_printed_form_of_a_disc_is_refused() {
+    let folder = Folder::new();
+    folder.write("model.obj", TRIANGLE);
+    let sphere = r#""kind": "sphere""#;
+    folder.write("scene.json", &SCENE.replace(sphere, r#""kind": "disc", "normal": [0, -1, 0]"#));
+    refused(
+        &folder,
+        &["scene.json", "-a", "sism:form=printed"],
+        &["`form=printed` of `sism` takes a light for a sphere", "it must be `form=exact`"],
+    );
+    let (whole, line) = (
+        r#""kind": "sphere", "center": [0, 4, 0], "radius": 0.2"#,
+        r#""kind": "linear", "p0": [-1, 4, 0], "p1": [1, 4, 0]"#,
+    );
+    folder.write("scene.json", &SCENE.replace(whole, line));
+    refused(&folder, &["scene.json", "-a", "sism:angle=acos"], &["is for discs, and this light is a line"]);
 }
 
 #[test]

@@ -7,7 +7,7 @@ use lrbsim_workloads::glam::DVec3;
 use crate::expression::each;
 use crate::plane::{Vec3, cross, dot, sub};
 use crate::rectangle::{line, square};
-use crate::segment::{Vec2, segment};
+use crate::segment::{Angle, Vec2, segment_by};
 
 /// Nearest and farthest height of an occluder over its receiver, in parts of the light's height: nearer is the receiver's
 /// own neighbourhood, farther is behind the light.
@@ -148,11 +148,18 @@ impl<V: Vpu> View<V> {
     }
 
     /// Part of the light beyond the edge `u0 -> u1` of places, inside the wedge that the edge subtends at the light's middle: in
-    /// [0, 1/2], and the lanes of `live` where it is any.
+    /// [0, 1/2], and the lanes of `live` where it is any. `angle` is that of a disc's part.
     #[inline(always)]
-    pub fn part_beyond(&self, v: &mut V, live: V::Mask, u0: Vec2<V>, u1: Vec2<V>) -> (V::Mask, V::F32) {
+    pub fn part_beyond(
+        &self,
+        v: &mut V,
+        live: V::Mask,
+        u0: Vec2<V>,
+        u1: Vec2<V>,
+        angle: Angle,
+    ) -> (V::Mask, V::F32) {
         match self.outline {
-            Outline::Disc => segment(v, live, u0, u1),
+            Outline::Disc => segment_by(v, live, u0, u1, angle),
             Outline::Square => square(v, live, u0, u1),
             Outline::Line => line(v, live, u0, u1),
         }

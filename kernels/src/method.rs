@@ -2,7 +2,7 @@
 
 use lrbsim_isa::options::{Entry, Options};
 use lrbsim_isa::{Phase, Runner, Stopped};
-use lrbsim_workloads::ShadowInput;
+use lrbsim_workloads::{Light, ShadowInput};
 
 /// A way to compute how much of a light each receiver sees.
 pub trait Method: Sync {
@@ -16,6 +16,17 @@ pub trait Method: Sync {
     /// option that asks for more.
     fn lights(&self, _options: &Options) -> u32 {
         1
+    }
+
+    /// What the method has against `options`, each of which it takes, together: a sentence for users that says what would be
+    /// right.
+    fn objection(&self, _options: &Options) -> Option<String> {
+        None
+    }
+
+    /// What the method with `options` has against a light of this kind: a sentence for users that says what would be right.
+    fn objection_to_light(&self, _options: &Options, _light: &Light) -> Option<String> {
+        None
     }
 
     /// The program of one frame: copies `input` into the arena of `runner`, untimed, and hands over its steps.

@@ -2,22 +2,27 @@
 
 mod common;
 
-use common::{Lanewise, On, run_step};
+use common::{Lanewise, On, Run, input, polygons, run_step, sphere};
 use lrbsim_isa::{Arena, HostSimd, Kernel, Step, Vpu};
 use lrbsim_kernels::columns::Columns;
 use lrbsim_kernels::field;
-use lrbsim_kernels::irregular::primitives::{EdgeRecord, TriangleRecord};
+use lrbsim_kernels::irregular::primitives::{EdgeRecord, Form, TriangleRecord};
+use lrbsim_kernels::irregular::receivers::Receiver;
 use lrbsim_kernels::light::View;
 use lrbsim_kernels::record::{Field, Records};
-use lrbsim_kernels::segment::segment;
+use lrbsim_kernels::segment::{Angle, segment};
+use lrbsim_kernels::sism::Choices;
 use lrbsim_kernels::sism::hard::hidden;
+use lrbsim_kernels::sism::printed::Printed;
 use lrbsim_kernels::sism::soft::add_edge;
 use lrbsim_workloads::LightShape;
+use lrbsim_workloads::glam::DVec3;
 
-/// As in the docs of [`segment`], [`hidden`] and [`add_edge`].
+/// As in the docs of [`segment`], [`hidden`], [`add_edge`] and [`Printed::part`].
 const SEGMENT: [u64; 2] = [17, 88];
 const HIDDEN: [u64; 2] = [30, 39];
 const EDGE: [u64; 2] = [66, 157];
+const PRINTED: [u64; 2] = [34, 102];
 
 /// Uops of one task of `kernel`, spills included.
 fn cost(kernel: impl Kernel + 'static, arena: &mut Arena) -> u64 {
@@ -151,4 +156,43 @@ fn an_edge_costs_what_its_doc_says() {
     };
     assert_eq!(cost_of_edge(5.0), EDGE[0], "the edge's line misses the disc");
     assert_eq!(cost_of_edge(0.1), EDGE[1], "a hit");
+}
+
+/// One edge of the printed form, for receivers on the face along z.
+struct PrintedPart {
+    printed: Printed,
+    /// Number of the edge; `None`: nothing is done.
+    edge: Option<i32>,
+    receivers: Columns<Receiver>,
+}
+
+impl Kernel for PrintedPart {
+    #[inline(always)]
+    fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
+        let points =
+            [0, 1, 2].map(|axis| v.vload_f32(self.receivers.column(field!(Receiver.position[axis])), task));
+        let all = v.mask_all();
+        let plane = self.printed.plane_of_face(v, 4, points);
+        if let Some(edge) = self.edge {
+            let edge = v.s_imm(edge);
+            self.printed.part(v, &plane, all, edge, Angle::Atan2);
+        }
+    }
+}
+
+#[test]
+fn a_part_of_the_printed_form_costs_what_its_doc_says() {
+    // One edge passes the circles of all receivers, of radius 1/2 on the image plane; the lines of the others pass far off.
+    let corners = [(-9.0, 0.1), (9.0, 0.1), (0.0, 9.0)].map(|(x, y)| DVec3::new(x, y, 1.0));
+    let receivers = [(DVec3::new(0.0, 0.0, 2.0), u32::MAX); 16];
+    let input = input(polygons(&[corners.to_vec()]), sphere(1.0), &receivers);
+    let choices = Choices { form: Form::Printed, ..Choices::default() };
+    let mut run = Run::with(&input, choices, On::Host(HostSimd::detect(), 1));
+    let printed = run.arrays.printed.expect("the form has images");
+    let receivers = run.arrays.grid.receivers.columns;
+    let mut cost_of = |edge| cost(PrintedPart { printed, edge, receivers }, &mut run.arena);
+    let nothing = cost_of(None);
+    let mut costs = [0, 1, 2].map(|edge| cost_of(Some(edge)) - nothing);
+    costs.sort_unstable();
+    assert_eq!(costs, [PRINTED[0], PRINTED[0], PRINTED[1]]);
 }

@@ -238,9 +238,7 @@ impl Recipe {
     /// The algorithm.
     pub fn algorithm(&self) -> Result<Algorithm, BadInput> {
         let base = Algorithm::from_str(&self.algorithm)?;
-        self.algorithm_options
-            .iter()
-            .try_fold(base, |algorithm, (name, value)| algorithm.with_option(&format!("{name}={value}")))
+        base.with_options(self.algorithm_options.iter().map(|(name, value)| format!("{name}={value}")))
     }
 
     /// The fidelity.

@@ -31,6 +31,7 @@ impl Method for Toy {
                 about: "the light at which it is dark enough",
                 values: Values::Number(0.001, 1.0),
                 default: "0.1",
+                tacit: false,
             }],
         }
     }

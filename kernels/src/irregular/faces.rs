@@ -8,7 +8,7 @@
 use lrbsim_isa::{Kernel, Runner, Step, Stopped, Vpu, math};
 
 use super::bounds::FaceBounds;
-use super::primitives::{LightConstants, POSITION_SLACK};
+use super::primitives::{Form, LightConstants, POSITION_SLACK};
 use super::receivers::Receiver;
 use super::{BIN_CELLS, CHILDREN, FACES, SLICES};
 use crate::columns::Columns;
@@ -70,6 +70,8 @@ pub struct Faces {
     pub bin_places: Columns<BinPlace>,
     /// Bins of all faces, whole groups.
     pub bin_count: u32,
+    /// How edges are seen on the light, which bounds their penumbras.
+    pub form: Form,
 }
 
 impl Faces {
@@ -90,7 +92,7 @@ impl Faces {
         runner.run(&unsafe {
             Step::independent("bin places", bin_count / CHILDREN, BinPlaces { parameters, bin_places })
         })?;
-        Ok(Faces { parameters, totals, bin_places, bin_count })
+        Ok(Faces { parameters, totals, bin_places, bin_count, form: light.form })
     }
 
     /// Cells of all bins.
@@ -105,7 +107,7 @@ impl Faces {
 
     /// The faces that see receivers, a bit each.
     #[inline(always)]
-    pub(super) fn seen<V: Vpu>(&self, v: &mut V) -> V::S32 {
+    pub(crate) fn seen<V: Vpu>(&self, v: &mut V) -> V::S32 {
         let only = v.s_imm(0);
         self.totals.at(only).scalar(v, field!(FaceTotals.seen))
     }

@@ -40,4 +40,4 @@ pub const SLICES: u32 = 4;
 pub const FACES: u32 = 6;
 
 /// More than any coordinate, and farther than any receiver.
-const FAR: f32 = 1e30;
+pub(crate) const FAR: f32 = 1e30;

@@ -50,6 +50,16 @@ pub struct EdgeRecord {
     pub faces: i32,
 }
 
+/// How an edge is seen on the light's disc, and so which receivers it can touch.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Form {
+    /// Each vertex along the receiver's own axis: exact for a disc that faces the receiver [algorithms, 2.5, 2.6].
+    #[default]
+    Exact,
+    /// One circle per edge and receiver, on the image plane of the receiver's face [johnson09, §2.3].
+    Printed,
+}
+
 /// The light, as constants of the kernels' code.
 #[derive(Debug, Clone, Copy)]
 pub struct LightConstants {
@@ -62,6 +72,8 @@ pub struct LightConstants {
     pub bound_radius: f32,
     /// Largest coordinate of vertices and receivers.
     pub largest: f32,
+    /// How edges are seen on its disc.
+    pub form: Form,
 }
 
 impl LightConstants {
@@ -72,7 +84,13 @@ impl LightConstants {
         // sin phi (1 - r/|p|) <= r (1/|v| - cos phi/|p|), and |p| > |v| > 2.5 r wherever the bound is used.
         let bound_radius =
             if shape == LightShape::Facing { input.light_radius } else { input.light_radius * (5.0 / 3.0) };
-        LightConstants { shape, radius: input.light_radius, bound_radius, largest: input.largest }
+        LightConstants {
+            shape,
+            radius: input.light_radius,
+            bound_radius,
+            largest: input.largest,
+            form: Form::Exact,
+        }
     }
 
     /// The bound of a penumbra's radius before the receivers have been looked at: as if one were as far as anything.

@@ -9,7 +9,7 @@ use lrbsim_isa::{Vpu, math};
 
 use super::faces::Faces;
 use super::nodes::Node;
-use super::primitives::{EdgeRecord, LightConstants, TriangleRecord};
+use super::primitives::{self, EdgeRecord, LightConstants, TriangleRecord};
 use super::{FACES, FAR};
 use crate::columns::Columns;
 use crate::expression::each;
@@ -46,6 +46,17 @@ impl FaceFrame {
         let axis = face as usize / 2;
         let sign = if face.is_multiple_of(2) { 1.0 } else { -1.0 };
         FaceFrame { axes: [(axis + 1) % 3, (axis + 2) % 3, axis], sign }
+    }
+
+    /// A vector in this frame, lane by lane.
+    #[inline(always)]
+    pub(crate) fn turned<V: Vpu>(&self, v: &mut V, p: [V::F32; 3]) -> [V::F32; 3] {
+        let [x, y, z] = each!(i in [0, 1, 2] => p[self.axes[i]]);
+        if self.sign > 0.0 {
+            return [x, y, z];
+        }
+        let sign = v.vset_f32(self.sign);
+        [x, y, v.vmul(z, sign)]
     }
 
     /// A vector of a record in this frame, each component in every lane.
@@ -194,11 +205,58 @@ impl<V: Vpu> Touch<V> for Triangle<V> {
     }
 }
 
+/// The image of 16 edges, or of one in every lane, on the plane at depth 1 of a face.
+pub(crate) struct Image<V: Vpu> {
+    /// Edges of which some is in front of the face; the others have no image.
+    pub(crate) in_front: V::Mask,
+    /// Image of the first end, and of the second.
+    pub(crate) from: [V::F32; 2],
+    pub(crate) to: [V::F32; 2],
+    /// Depth of each end, and one over it.
+    pub(crate) depths: [V::F32; 2],
+    pub(crate) per_depths: [V::F32; 2],
+}
+
+/// The image of the edge from `a` to `b`, in a face's frame, which comes as near as `least` to the light. What lies off the axis
+/// so far that its depth is less than [`CLIP`] of that is cut away.
+#[inline(always)]
+pub(crate) fn image<V: Vpu>(v: &mut V, mut a: [V::F32; 3], mut b: [V::F32; 3], least: V::F32) -> Image<V> {
+    // Clip to what the image plane can hold.
+    let clip = v.vset_f32(CLIP);
+    let floor = v.vmul(clip, least);
+    let a_below = v.vcmp_lt(a[2], floor);
+    let b_below = v.vcmp_lt(b[2], floor);
+    let none = v.kand(a_below, b_below);
+    let in_front = v.knot(none);
+    let rise = v.vsub(b[2], a[2]);
+    let up = v.vsub(floor, a[2]);
+    let t = math::div(v, up, rise);
+    for i in 0..2 {
+        let span = v.vsub(b[i], a[i]);
+        let from = a[i];
+        let cut = v.vmadd(span, t, from);
+        a[i] = v.vblend_f32(a_below, cut, a[i]);
+        b[i] = v.vblend_f32(b_below, cut, b[i]);
+    }
+    a[2] = v.vmax(a[2], floor);
+    b[2] = v.vmax(b[2], floor);
+
+    // Its image.
+    let per_a = v.vrcp(a[2]);
+    let per_b = v.vrcp(b[2]);
+    let from = [v.vmul(a[0], per_a), v.vmul(a[1], per_a)];
+    let to = [v.vmul(b[0], per_b), v.vmul(b[1], per_b)];
+    Image { in_front, from, to, depths: [a[2], b[2]], per_depths: [per_a, per_b] }
+}
+
 /// A silhouette edge in a face's frame: its image, and the half width of its penumbra by depth [algorithms, 2.7].
 ///
 /// Point v touches the penumbra of receiver p only if sin phi <= r (1/|v| - cos phi/|p|). With images v' and p' on the
 /// plane at distance 1, their distance is at most |v'| |p'| sin phi, and |v| = z_v |v'|, |p| = z_p |p'|, hence
 /// **distance <= r (|p'| / z_v - cos phi |v'| / z_p)**.
+///
+/// For a disc that lies along the face, [`Form::Printed`](primitives::Form), the footprint on the image plane is a circle, and
+/// **distance <= r (1 / z_v - 1 / z_p)**, the quad of [johnson09, §2.2].
 pub struct Edge<V: Vpu> {
     from: [V::F32; 2],
     along: [V::F32; 2],
@@ -211,6 +269,8 @@ pub struct Edge<V: Vpu> {
     in_front: V::Mask,
     /// The edge is so close to the light that it is taken to touch everything.
     everywhere: V::Mask,
+    /// Rounding of positions on the image plane; `None`: [`IMAGE_SLACK`], and widths are those of discs that face the receivers.
+    flat: Option<V::F32>,
 }
 
 impl<V: Vpu> Touch<V> for Edge<V> {
@@ -220,45 +280,29 @@ impl<V: Vpu> Touch<V> for Edge<V> {
     fn set_up(v: &mut V, faces: &Faces, frame: FaceFrame, record: Record<V, EdgeRecord>) -> Self {
         let zero = v.vset_f32(0.0);
         let one = v.vset_f32(1.0);
-        let mut a = frame.load(v, record, field!(EdgeRecord.ends[0]));
-        let mut b = frame.load(v, record, field!(EdgeRecord.ends[1]));
+        let a = frame.load(v, record, field!(EdgeRecord.ends[0]));
+        let b = frame.load(v, record, field!(EdgeRecord.ends[1]));
         let least = record.float(v, field!(EdgeRecord.nearest));
         let radius = faces.bound_radius(v);
         let near = v.vset_f32(NEAR);
         let bound = v.vmul(near, least);
         let everywhere = v.vcmp_ge(radius, bound);
 
-        // Clip to what the image plane can hold.
-        let clip = v.vset_f32(CLIP);
-        let floor = v.vmul(clip, least);
-        let a_below = v.vcmp_lt(a[2], floor);
-        let b_below = v.vcmp_lt(b[2], floor);
-        let none = v.kand(a_below, b_below);
-        let in_front = v.knot(none);
-        let rise = v.vsub(b[2], a[2]);
-        let up = v.vsub(floor, a[2]);
-        let t = math::div(v, up, rise);
-        for i in 0..2 {
-            let span = v.vsub(b[i], a[i]);
-            let from = a[i];
-            let cut = v.vmadd(span, t, from);
-            a[i] = v.vblend_f32(a_below, cut, a[i]);
-            b[i] = v.vblend_f32(b_below, cut, b[i]);
-        }
-        a[2] = v.vmax(a[2], floor);
-        b[2] = v.vmax(b[2], floor);
-
-        // Its image.
-        let per_a = v.vrcp(a[2]);
-        let per_b = v.vrcp(b[2]);
-        let from = [v.vmul(a[0], per_a), v.vmul(a[1], per_a)];
-        let to = [v.vmul(b[0], per_b), v.vmul(b[1], per_b)];
+        let Image { in_front, from, to, per_depths: [per_a, per_b], .. } = image(v, a, b, least);
         let along = [v.vsub(to[0], from[0]), v.vsub(to[1], from[1])];
         let length2 = v.vmul(along[1], along[1]);
         let length2 = v.vmadd(along[0], along[0], length2);
         let has_length = v.vcmp_gt(length2, zero);
         let per_length2 = v.vrcp(length2);
         let per_length2 = v.vblend_f32(has_length, per_length2, zero);
+
+        if faces.form == primitives::Form::Printed {
+            let everywhere = v.mask_none();
+            let (near_width, far_width) = (radius, radius);
+            let edge =
+                Edge { from, along, per_length2, near_width, far_width, in_front, everywhere, flat: None };
+            return edge.flattened(v, to, [per_a, per_b]);
+        }
 
         // Widths.
         let per_depth = v.vmax(per_a, per_b);
@@ -268,7 +312,8 @@ impl<V: Vpu> Touch<V> for Edge<V> {
         let cos2 = v.vnmadd(sin, sin, one);
         let cos2 = v.vmax(cos2, zero);
         let cos = math::sqrt(v, cos2);
-        let edge = Edge { from, along, per_length2, near_width, far_width: zero, in_front, everywhere };
+        let edge =
+            Edge { from, along, per_length2, near_width, far_width: zero, in_front, everywhere, flat: None };
         let origin_distance2 = edge.distance2(v, [zero, zero]);
         let reach2 = v.vadd(origin_distance2, one);
         let reach = math::sqrt(v, reach2);
@@ -281,6 +326,9 @@ impl<V: Vpu> Touch<V> for Edge<V> {
     #[inline(always)]
     fn touch(&self, v: &mut V, nodes: Columns<Node>, at: V::S32, live: Option<V::Mask>) -> (V::Mask, V::F32) {
         let rectangles = Rectangles::load(v, nodes, at);
+        if let Some(slack) = self.flat {
+            return self.touch_flat(v, &rectangles, slack, live);
+        }
         let reach = v.vload_f32(nodes.column(field!(Node.reach)), at);
         let zero = v.vset_f32(0.0);
         let slack = v.vset_f32(IMAGE_SLACK);
@@ -408,6 +456,57 @@ fn face_bits<V: Vpu>(v: &mut V, touched: [V::Mask; FACES as usize]) -> V::I32 {
 }
 
 impl<V: Vpu> Edge<V> {
+    /// The edge with the widths of circles on the image plane, in place of the light's radius. Its image ends at `to`.
+    #[inline(always)]
+    fn flattened(self, v: &mut V, to: [V::F32; 2], per_depths: [V::F32; 2]) -> Edge<V> {
+        let per_depth = v.vmax(per_depths[0], per_depths[1]);
+        let near_width = v.vmul(self.near_width, per_depth);
+        let more = v.vset_f32(1.0 + WIDTH_SLACK);
+        let near_width = v.vmul(near_width, more);
+        let less = v.vset_f32(1.0 - WIDTH_SLACK);
+        let far_width = v.vmul(self.far_width, less);
+        // Ends that lie far off the face round by their own size.
+        let mut farthest = v.vset_f32(1.0);
+        for x in [self.from[0], self.from[1], to[0], to[1]] {
+            let size = v.vabs(x);
+            farthest = v.vmax(farthest, size);
+        }
+        let slack = v.vset_f32(IMAGE_SLACK);
+        let slack = v.vmul(farthest, slack);
+        Edge { near_width, far_width, flat: Some(slack), ..self }
+    }
+
+    /// Which of 16 rectangles hold receivers whose circle the edge can touch, see [`Touch::touch`].
+    #[inline(always)]
+    fn touch_flat(
+        &self,
+        v: &mut V,
+        rectangles: &Rectangles<V>,
+        slack: V::F32,
+        live: Option<V::Mask>,
+    ) -> (V::Mask, V::F32) {
+        let zero = v.vset_f32(0.0);
+        // Distance of the rectangles from the edge's image, at least.
+        let distance2 = self.distance2(v, [rectangles.x, rectangles.y]);
+        let distance = math::sqrt(v, distance2);
+        let half2 = v.vmul(rectangles.half_y, rectangles.half_y);
+        let half2 = v.vmadd(rectangles.half_x, rectangles.half_x, half2);
+        let half = math::sqrt(v, half2);
+        let half = v.vadd(half, slack);
+        let distance = v.vsub(distance, half);
+        let distance = v.vmax(distance, zero);
+
+        // Half width of the penumbra at the deepest receiver, at most [algorithms, 2.7].
+        let wide = v.vadd(self.near_width, slack);
+        let per_depth = v.vrcp(rectangles.depth);
+        let width = v.vnmadd(self.far_width, per_depth, wide);
+        let touched = v.vcmp_le_masked(self.in_front, distance, width);
+        let touched = live.map_or(touched, |live| v.kand(touched, live));
+        let touched = v.vcmp_gt_masked(touched, rectangles.depth, zero);
+        let left = v.vsub(wide, distance);
+        (touched, wedge_start(v, self.far_width, left))
+    }
+
     /// Squared distance of 16 points from the edge's image.
     #[inline(always)]
     fn distance2(&self, v: &mut V, p: [V::F32; 2]) -> V::F32 {

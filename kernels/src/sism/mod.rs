@@ -1,4 +1,4 @@
-//! Soft irregular shadow mapping [johnson09, §2], in its exact form [algorithms, 2.5 and 2.6].
+//! Soft irregular shadow mapping [johnson09, §2], in its exact form [algorithms, 2.5 and 2.6] or as printed.
 //!
 //! ```text
 //! silhouette              records of triangles, weights and records of edges
@@ -16,21 +16,27 @@ pub mod soft;
 pub mod compose;
 pub mod own;
 pub mod bits;
+pub mod printed;
+pub mod kept;
 
 use lrbsim_isa::options::{Entry, OptionSpec, Options, Values, Word};
 use lrbsim_isa::{Addr, Arena, Phase, Runner, Stopped};
-use lrbsim_workloads::ShadowInput;
+use lrbsim_workloads::{Light, LightShape, ShadowInput};
 
 use crate::columns::Columns;
 use crate::irregular::bin::Bins;
 use crate::irregular::grid::Grid;
-use crate::irregular::primitives::{Kind, LightConstants, Primitives};
+use crate::irregular::primitives::{Form, Kind, LightConstants, Primitives};
 use crate::irregular::raster::Raster;
 use crate::irregular::receivers::Receivers;
 use crate::irregular::run::{RunSizes, Runs, Walk};
 use crate::method::{Method, Shadows};
 use crate::scene::Scene;
+use crate::segment::Angle;
+use kept::Kept;
 use own::Own;
+use printed::Printed;
+use soft::How;
 
 /// Soft irregular shadow mapping, as a method among others.
 pub struct Sism;
@@ -42,11 +48,18 @@ const ENTRY: Entry = Entry {
         OptionSpec {
             name: "form",
             about: "how an edge is seen on the disc of the light",
-            values: Values::OneOf(&[Word {
-                name: "exact",
-                about: "each vertex along the receiver's own axis: exact for a light that faces the receiver",
-            }]),
+            values: Values::OneOf(&[
+                Word {
+                    name: "exact",
+                    about: "each vertex along the receiver's own axis: exact for a light that faces the receiver",
+                },
+                Word {
+                    name: "printed",
+                    about: "one circle per edge and receiver on the image plane, as in the paper: too narrow off the axis of a face",
+                },
+            ]),
             default: "exact",
+            tacit: false,
         },
         OptionSpec {
             name: "overlap",
@@ -57,12 +70,40 @@ const ENTRY: Entry = Entry {
                 Word { name: "bits:256", about: "what they hide of 256 samples of the light" },
             ]),
             default: "sum",
+            tacit: false,
         },
         OptionSpec {
             name: "lights",
             about: "how many smaller lights the light is split into, each with the silhouettes that it sees",
             values: Values::Whole(1, 64),
             default: "1",
+            tacit: false,
+        },
+        OptionSpec {
+            name: "sums",
+            about: "what the parts of the light are summed in",
+            values: Values::OneOf(&[
+                Word { name: "fixed", about: "whole numbers of 2^-24 of the light, the same in any order" },
+                Word { name: "f32", about: "floats of 32 bits" },
+                Word { name: "bf16", about: "floats of 16 bits, 8 of exponent, to the nearest" },
+                Word { name: "f16", about: "floats of 16 bits, 5 of exponent, to the nearest" },
+                Word { name: "f16-truncating", about: "floats of 16 bits, 5 of exponent, towards 0" },
+            ]),
+            default: "fixed",
+            tacit: true,
+        },
+        OptionSpec {
+            name: "angle",
+            about: "how the angle of a part is taken",
+            values: Values::OneOf(&[
+                Word { name: "atan2", about: "from sine and cosine, right for the shortest edges" },
+                Word {
+                    name: "acos",
+                    about: "from the cosine, as in the paper: tells no angles apart below 3e-4",
+                },
+            ]),
+            default: "atan2",
+            tacit: true,
         },
     ],
 };
@@ -93,13 +134,55 @@ impl Method for Sism {
         options.whole("lights")
     }
 
+    /// Samples of the light are compared with edges as the exact form has them; no part is measured and none is summed.
+    fn objection(&self, options: &Options) -> Option<String> {
+        let Choices { overlap, form, sums, angle } = Choices::of(options);
+        if overlap == Overlap::Sum {
+            return None;
+        }
+        let other = [
+            ("form", form != Form::Exact, "exact"),
+            ("sums", sums != Kept::Fixed, "fixed"),
+            ("angle", angle != Angle::Atan2, "atan2"),
+        ];
+        let (name, _, right) = other.into_iter().find(|(_, is_other, _)| *is_other)?;
+        let written = |asked: &str| {
+            options.written().find(|(name, _)| *name == asked).map(|(_, value)| value).unwrap_or_default()
+        };
+        Some(format!(
+            "`{name}={}` of `sism` sums parts of the light, and `overlap={}` sums none; it must be `overlap=sum` or `{name}={right}`",
+            written(name),
+            written("overlap")
+        ))
+    }
+
+    fn objection_to_light(&self, options: &Options, light: &Light) -> Option<String> {
+        let Choices { form, angle, .. } = Choices::of(options);
+        let kind = match light.shape() {
+            LightShape::Facing => return None,
+            LightShape::Disc { .. } => "disc",
+            LightShape::Rect { .. } => "rectangle",
+            LightShape::Line { .. } => "line",
+        };
+        if form == Form::Printed {
+            return Some(format!(
+                "`form=printed` of `sism` takes a light for a sphere, as the paper does, and this one is a {kind}; it must be `form=exact`"
+            ));
+        }
+        (angle == Angle::Acos && kind != "disc").then(|| {
+            format!(
+                "`angle=acos` of `sism` is for discs, and this light is a {kind}; it must be `angle=atan2`"
+            )
+        })
+    }
+
     fn run(
         &self,
         options: &Options,
         input: &ShadowInput,
         runner: &mut Runner<'_>,
     ) -> Result<Shadows, Stopped> {
-        let overlap = [Overlap::Sum, Overlap::Bits64, Overlap::Bits256][options.word("overlap")];
+        let choices = Choices::of(options);
         let visibility = runner.arena.overwritten(u64::from(input.width * input.height));
         let first = runner.arena.used_bytes();
         let mut silhouette_edges = None;
@@ -108,7 +191,7 @@ impl Method for Sism {
             // Each where the one before was: nothing but the picture outlives its light.
             runner.arena.give_back(first);
             let picture = Picture { visibility, number, of };
-            let primitives = run_light(light, overlap, picture, runner)?.primitives;
+            let primitives = run_light(light, choices, picture, runner)?.primitives;
             if primitives.light.is_soft() {
                 *silhouette_edges.get_or_insert(0) += u64::from(primitives.edge_count);
             }
@@ -117,10 +200,44 @@ impl Method for Sism {
     }
 }
 
+/// What there is to choose of the program of a light.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Choices {
+    /// What occluders hide that overlap on the light.
+    pub overlap: Overlap,
+    /// How an edge is seen on the disc of the light.
+    pub form: Form,
+    /// What parts of the light are summed in.
+    pub sums: Kept,
+    /// How the angle of a part is taken.
+    pub angle: Angle,
+}
+
+impl Choices {
+    /// What `options` of the method choose.
+    fn of(options: &Options) -> Choices {
+        use Kept::{Bf16, F16, F16Truncating, F32, Fixed};
+        Choices {
+            overlap: [Overlap::Sum, Overlap::Bits64, Overlap::Bits256][options.word("overlap")],
+            form: [Form::Exact, Form::Printed][options.word("form")],
+            sums: [Fixed, F32, Bf16, F16, F16Truncating][options.word("sums")],
+            angle: [Angle::Atan2, Angle::Acos][options.word("angle")],
+        }
+    }
+}
+
+/// All else as it is where users choose nothing.
+impl From<Overlap> for Choices {
+    fn from(overlap: Overlap) -> Choices {
+        Choices { overlap, ..Choices::default() }
+    }
+}
+
 /// What occluders hide that overlap on the light.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Overlap {
     /// The sum of their parts [johnson09, Eq. 5 with C = 0].
+    #[default]
     Sum,
     /// What they hide of 64 samples of the light.
     Bits64,
@@ -155,6 +272,8 @@ pub struct Arrays {
     pub primitives: Primitives,
     /// Receivers and their cells.
     pub grid: Grid,
+    /// Images of the edges, where the program had need of them.
+    pub printed: Option<Printed>,
     /// Which blocks have sums.
     pub runs: Runs,
     /// Sums of each sample, field by field; of samples whose block has none nobody writes them.
@@ -188,9 +307,13 @@ pub struct Picture {
 }
 
 /// The program of one frame with one light.
-pub fn run(input: &ShadowInput, overlap: Overlap, runner: &mut Runner<'_>) -> Result<Arrays, Stopped> {
+pub fn run(
+    input: &ShadowInput,
+    choices: impl Into<Choices>,
+    runner: &mut Runner<'_>,
+) -> Result<Arrays, Stopped> {
     let visibility = runner.arena.overwritten(u64::from(input.width * input.height));
-    run_light(input, overlap, Picture { visibility, number: 0, of: 1 }, runner)
+    run_light(input, choices.into(), Picture { visibility, number: 0, of: 1 }, runner)
 }
 
 /// The program of one light. Copies the input into the arena, untimed; all else are its steps.
@@ -198,13 +321,14 @@ pub fn run(input: &ShadowInput, overlap: Overlap, runner: &mut Runner<'_>) -> Re
 /// A point light has neither silhouettes nor a soft phase.
 fn run_light(
     input: &ShadowInput,
-    overlap: Overlap,
+    choices: Choices,
     picture: Picture,
     runner: &mut Runner<'_>,
 ) -> Result<Arrays, Stopped> {
+    let Choices { overlap, form, sums: kept, angle } = choices;
     let scene = Scene::new(input, runner.arena);
     let receivers = Receivers::new(input, runner.arena);
-    let light = LightConstants::new(input);
+    let light = LightConstants { form, ..LightConstants::new(input) };
 
     runner.phase(&SILHOUETTE);
     let primitives = silhouette::detect(&scene, light, runner)?;
@@ -213,6 +337,10 @@ fn run_light(
     let grid = Grid::build(receivers, &light, runner)?;
 
     runner.phase(&BIN);
+    let printed = match form {
+        Form::Printed if light.is_soft() => Some(Printed::build(&primitives, &grid, runner)?),
+        _ => None,
+    };
     let bins = Bins::build(&primitives, &grid, runner)?;
 
     runner.phase(&RASTER);
@@ -228,7 +356,7 @@ fn run_light(
         runner.phase(&SOFT);
         let walk = Walk::new(Kind::Edges, &grid, &raster, &runs);
         match overlap {
-            Overlap::Sum => soft::sum(walk, &primitives, sums, runner)?,
+            Overlap::Sum => soft::sum(walk, &primitives, How { printed, angle, kept }, sums, runner)?,
             Overlap::Bits64 => bits::cover(walk, 4, &primitives, &grid, &runs, sums, runner)?,
             Overlap::Bits256 => bits::cover(walk, 16, &primitives, &grid, &runs, sums, runner)?,
         }
@@ -236,5 +364,5 @@ fn run_light(
 
     runner.phase(&COMPOSE);
     compose::compose(&grid, &runs, sums, own, overlap, picture, runner)?;
-    Ok(Arrays { primitives, grid, runs, sums, visibility: picture.visibility })
+    Ok(Arrays { primitives, grid, printed, runs, sums, visibility: picture.visibility })
 }

@@ -17,7 +17,7 @@ use crate::irregular::primitives::{BACK, CUTS, FRONT, Primitives, TriangleRecord
 use crate::light::View;
 use crate::plane::Vec3;
 use crate::record::words;
-use crate::segment::Vec2;
+use crate::segment::{Angle, Vec2};
 
 /// What takes the own triangles of receivers out of their sums.
 #[derive(Clone, Copy)]
@@ -64,7 +64,7 @@ impl Own {
         let zero = v.vset_f32(0.0);
         let view = view(v, &self.primitives.light, points);
         let (live, [from, to]) = self.horizon(v, &view, own);
-        let (live, part) = view.part_beyond(v, live, from, to);
+        let (live, part) = view.part_beyond(v, live, from, to, Angle::Atan2);
         let part = fixed(v, part, zero);
         let part = v.vblend_i32(live, part, none);
         each!(layer in [FRONT, BACK] => {

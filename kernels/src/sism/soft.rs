@@ -13,6 +13,8 @@
 use lrbsim_isa::{Addr, Kernel, Runner, Step, Stopped, Vpu};
 
 use super::Sums;
+use super::kept::Kept;
+use super::printed::{Plane, Printed};
 use crate::columns::Columns;
 use crate::expression::int;
 use crate::field;
@@ -22,7 +24,7 @@ use crate::irregular::run::{Samples, Shade, Walk};
 use crate::light::View;
 use crate::plane::{Vec3, side};
 use crate::record::{Record, Records};
-use crate::segment::Vec2;
+use crate::segment::{Angle, Vec2};
 
 /// A whole light in fixed point: sums of 32-bit integers are the same in any order [algorithms, 6.9], and hold 127 lights.
 pub const WHOLE: f32 = (1 << 24) as f32;
@@ -31,12 +33,24 @@ pub const WHOLE: f32 = (1 << 24) as f32;
 pub fn sum(
     walk: Walk,
     primitives: &Primitives,
+    how: How,
     sums: Columns<Sums>,
     runner: &mut Runner<'_>,
 ) -> Result<(), Stopped> {
-    let soft = Soft { walk, light: primitives.light, edges: primitives.edges, sums };
+    let soft = Soft { walk, light: primitives.light, edges: primitives.edges, how, sums };
     // SAFETY: each task writes the sums of its own samples: a sample lies in one run.
     runner.run(&unsafe { Step::independent("soft", walk.run_count(), soft) })
+}
+
+/// How parts are found and summed.
+#[derive(Clone, Copy, Default)]
+pub struct How {
+    /// The images of edges, where parts are those of the printed form; `None`: those of the exact one.
+    pub printed: Option<Printed>,
+    /// How angles are taken.
+    pub angle: Angle,
+    /// What sums are kept in.
+    pub kept: Kept,
 }
 
 /// Sums the parts of edges for the samples of a run.
@@ -44,15 +58,24 @@ struct Soft {
     walk: Walk,
     light: LightConstants,
     edges: Records<EdgeRecord>,
+    how: How,
     sums: Columns<Sums>,
 }
 
 /// What covers the light of 16 samples, as far as their cell's edges have been seen.
 struct Coverage<V: Vpu> {
     /// The light as the samples see it.
-    view: View<V>,
-    /// Coverage in F and B, fixed point.
+    light: Seen<V>,
+    /// Coverage in F and B, see [`Kept`].
     coverage: [V::I32; 2],
+}
+
+/// The light as 16 samples see it.
+enum Seen<V: Vpu> {
+    /// A disc in their own frames.
+    Disc(View<V>),
+    /// A circle on the image plane of their face, with the images of edges there.
+    Circle(Printed, Plane<V>),
 }
 
 impl Kernel for Soft {
@@ -67,9 +90,12 @@ impl Shade for Soft {
 
     #[inline(always)]
     fn begin<V: Vpu>(&self, v: &mut V, samples: &Samples<V>) -> Coverage<V> {
-        let view = view(v, &self.light, samples.position);
+        let light = match self.how.printed {
+            None => Seen::Disc(view(v, &self.light, samples.position)),
+            Some(printed) => Seen::Circle(printed, printed.plane(v, samples)),
+        };
         let none = v.vset_i32(0);
-        Coverage { view, coverage: [none; 2] }
+        Coverage { light, coverage: [none; 2] }
     }
 
     #[inline(always)]
@@ -81,9 +107,24 @@ impl Shade for Soft {
         entry: Record<V, CellRecord>,
     ) {
         let number = entry.scalar(v, field!(CellRecord.primitive));
-        let edge = self.edges.record(v, number);
+        let How { angle, kept, .. } = self.how;
         let (live, points) = (samples.live, samples.position);
-        state.coverage = add_edge(v, &state.view, live, points, edge, state.coverage);
+        match &state.light {
+            Seen::Disc(view) => {
+                let edge = self.edges.record(v, number);
+                let (live, f) = part(v, view, live, edge, angle);
+                if v.branch_any(live) {
+                    state.coverage = add_part(v, live, f, points, edge, kept, state.coverage);
+                }
+            }
+            Seen::Circle(printed, plane) => {
+                let (live, f) = printed.part(v, plane, live, number, angle);
+                if v.branch_any(live) {
+                    let edge = self.edges.record(v, number);
+                    state.coverage = add_part(v, live, f, points, edge, kept, state.coverage);
+                }
+            }
+        }
     }
 
     fn zeros(&self) -> Option<[Addr; 2]> {
@@ -93,6 +134,7 @@ impl Shade for Soft {
     #[inline(always)]
     fn end<V: Vpu>(&self, v: &mut V, samples: &Samples<V>, state: &Coverage<V>) {
         for (k, coverage) in state.coverage.into_iter().enumerate() {
+            let coverage = self.how.kept.in_fixed_point(v, coverage);
             let column = self.sums.column(field!(Sums.coverage[k]));
             v.vstore_i32(samples.live, column, samples.first, coverage);
         }
@@ -106,7 +148,7 @@ pub fn view<V: Vpu>(v: &mut V, light: &LightConstants, points: Vec3<V>) -> View<
     View::new(v, &light.shape, points, per_radius)
 }
 
-/// Adds to the coverage in F and B of 16 samples the signed part that an edge makes.
+/// Adds to the coverage in F and B of 16 samples, in fixed point, the signed part that an edge makes in the exact form.
 ///
 /// The side of the middle of the light is told by the plane through light and edge, the one that bounds the triangles of `hard`
 /// there, bit by bit: a receiver on one side of it sees the middle on that side of the edge. 66 operations where the edges miss all
@@ -120,12 +162,39 @@ pub fn add_edge<V: Vpu>(
     edge: Record<V, EdgeRecord>,
     coverage: [V::I32; 2],
 ) -> [V::I32; 2] {
-    let (live, [u0, u1]) = on_disc(v, view, live, edge);
-
-    // The part of the light beyond the edge.
-    let (live, f) = view.part_beyond(v, live, u0, u1);
+    let (live, f) = part(v, view, live, edge, Angle::Atan2);
     if !v.branch_any(live) {
         return coverage;
+    }
+    add_part(v, live, f, points, edge, Kept::Fixed, coverage)
+}
+
+/// The part of the light beyond an edge, in the exact form; the lanes of `live` where the edge cuts the light.
+#[inline(always)]
+fn part<V: Vpu>(
+    v: &mut V,
+    view: &View<V>,
+    live: V::Mask,
+    edge: Record<V, EdgeRecord>,
+    angle: Angle,
+) -> (V::Mask, V::F32) {
+    let (live, [u0, u1]) = on_disc(v, view, live, edge);
+    view.part_beyond(v, live, u0, u1, angle)
+}
+
+/// Adds part `f` to the coverage in F and B of the samples in `live`, with the sign that `edge` gives it there.
+#[inline(always)]
+pub fn add_part<V: Vpu>(
+    v: &mut V,
+    live: V::Mask,
+    f: V::F32,
+    points: Vec3<V>,
+    edge: Record<V, EdgeRecord>,
+    kept: Kept,
+    coverage: [V::I32; 2],
+) -> [V::I32; 2] {
+    if kept != Kept::Fixed {
+        return kept.add(v, live, f, points, edge, coverage);
     }
     let offset = edge.float(v, field!(EdgeRecord.rounding_offset));
     let fixed = fixed(v, f, offset);

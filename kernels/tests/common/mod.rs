@@ -17,7 +17,10 @@ use lrbsim_kernels::irregular::primitives::Primitives;
 use lrbsim_kernels::irregular::receivers::{Receiver, Receivers};
 use lrbsim_kernels::irregular::run::Split;
 use lrbsim_kernels::record::Field;
-use lrbsim_kernels::sism::{self, Arrays, Overlap, Sums, hard::count_layers, soft};
+use lrbsim_kernels::segment::Angle;
+use lrbsim_kernels::sism::kept::Kept;
+use lrbsim_kernels::sism::printed::Printed;
+use lrbsim_kernels::sism::{self, Arrays, Choices, Overlap, Sums, hard::count_layers, soft};
 use lrbsim_workloads::adjacency::prepare;
 use lrbsim_workloads::glam::{DVec2, DVec3, Vec3};
 use lrbsim_workloads::{Adjacency, Counting, EyeView, Light, Mesh, Scene, ShadowInput, load_scene};
@@ -95,7 +98,7 @@ impl Run {
     }
 
     /// Runs the whole program of `input`.
-    pub fn with(input: &ShadowInput, overlap: Overlap, on: On) -> Run {
+    pub fn with(input: &ShadowInput, choices: impl Into<Choices>, on: On) -> Run {
         let mut arena = Arena::new();
         let (mut steps, mut phases) = (BTreeMap::new(), BTreeMap::new());
         let mut run_step = |phase: &Phase, step: &Step, arena: &mut Arena| {
@@ -105,7 +108,7 @@ impl Run {
             Ok(())
         };
         let arrays =
-            sism::run(input, overlap, &mut Runner::new(&mut arena, &mut run_step)).expect("nothing stops it");
+            sism::run(input, choices, &mut Runner::new(&mut arena, &mut run_step)).expect("nothing stops it");
         let visibility = arrays.visibility(input, &arena);
         Run { arena, arrays, steps, phases, visibility }
     }
@@ -135,7 +138,8 @@ impl Run {
     pub fn brute_force(&mut self, on: On) -> BTreeMap<u32, [i32; 4]> {
         let receivers = self.arrays.grid.receivers;
         let out = Columns::overwritten(&mut self.arena, receivers.count);
-        let kernel = BruteForce { receivers, primitives: self.arrays.primitives, out };
+        let Arrays { primitives, printed, .. } = self.arrays;
+        let kernel = BruteForce { receivers, primitives, printed, out };
         let step = Step::ordered("brute force", receivers.count.div_ceil(16), kernel);
         run_step(&step, &mut self.arena, on);
         sums(&self.arena, &self.arrays, out, |i| i)
@@ -173,13 +177,14 @@ fn sums(
 struct BruteForce {
     receivers: Receivers,
     primitives: Primitives,
+    printed: Option<Printed>,
     out: Columns<Sums>,
 }
 
 impl Kernel for BruteForce {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
-        let BruteForce { receivers, primitives, out } = self;
+        let BruteForce { receivers, primitives, out, .. } = self;
         let four = v.s_imm(4);
         let one = v.s_imm(1);
         let first = v.s_shl(task, four);
@@ -198,7 +203,9 @@ impl Kernel for BruteForce {
             layers = count_layers(v, live, points, own, number, triangle, layers);
             i = v.s_add(i, one);
         }
-        if primitives.light.is_soft() {
+        if let Some(printed) = &self.printed {
+            coverage = printed_sums(v, printed, primitives, live, points);
+        } else if primitives.light.is_soft() {
             let view = soft::view(v, &primitives.light, points);
             let end = v.s_imm(primitives.edge_count as i32);
             let mut i = v.s_imm(0);
@@ -213,6 +220,45 @@ impl Kernel for BruteForce {
             v.vstore_i32(live, out.column(field!(Sums.coverage[i])), first, coverage[i]);
         }
     }
+}
+
+/// Coverage in F and B in the printed form: every edge on every face.
+#[inline(always)]
+fn printed_sums<V: Vpu>(
+    v: &mut V,
+    printed: &Printed,
+    primitives: &Primitives,
+    live: V::Mask,
+    points: [V::F32; 3],
+) -> [V::I32; 2] {
+    let none = v.vset_i32(0);
+    let zero = v.vset_f32(0.0);
+    let mut coverage = [none; 2];
+    let size = points.map(|x| v.vabs(x));
+    let by_y = v.vcmp_gt(size[1], size[0]);
+    let larger = v.vmax(size[0], size[1]);
+    let by_z = v.vcmp_gt(size[2], larger);
+    let not_z = v.kandn(by_z, live);
+    let along = [v.kandn(by_y, not_z), v.kand(by_y, not_z), v.kand(by_z, live)];
+    for face in 0..6 {
+        let axis = face as usize / 2;
+        let negative = v.vcmp_lt(points[axis], zero);
+        let here = if face % 2 == 0 { v.kandn(negative, along[axis]) } else { v.kand(negative, along[axis]) };
+        if !v.branch_any(here) {
+            continue;
+        }
+        let plane = printed.plane_of_face(v, face, points);
+        let one = v.s_imm(1);
+        let end = v.s_imm(primitives.edge_count as i32);
+        let mut i = v.s_imm(0);
+        while v.branch(Compare::Less, i, end) {
+            let (touched, f) = printed.part(v, &plane, here, i, Angle::Atan2);
+            let edge = primitives.edges.record(v, i);
+            coverage = soft::add_part(v, touched, f, points, edge, Kept::Fixed, coverage);
+            i = v.s_add(i, one);
+        }
+    }
+    coverage
 }
 
 /// A function of `IN` floats to `OUT` floats, 16 cases at a time.

@@ -27,6 +27,9 @@ pub struct OptionSpec {
     pub values: Values,
     /// The value where users give none, as they would write it.
     pub default: &'static str,
+    /// Whether results leave the option unsaid where it has its default: what they have been told by before there was such an
+    /// option still holds then, and they need not be run again.
+    pub tacit: bool,
 }
 
 /// The values that an option takes.
@@ -258,10 +261,18 @@ impl Options {
     }
 }
 
-/// All options with their values, as they can be written: `form=exact,lights=4`.
+/// All options with their values, as they can be written: `form=exact,lights=4`. Tacit ones only where they are not what they
+/// would be if unsaid.
 impl fmt::Display for Options {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let each: Vec<String> = self.written().map(|(name, value)| format!("{name}={value}")).collect();
+        let is_said = |spec: &OptionSpec, value: &str| !spec.tacit || value != spec.default;
+        let each: Vec<String> = self
+            .specs
+            .iter()
+            .zip(self.written())
+            .filter(|(spec, (_, value))| is_said(spec, value))
+            .map(|(_, (name, value))| format!("{name}={value}"))
+            .collect();
         f.write_str(&each.join(","))
     }
 }
@@ -301,9 +312,22 @@ mod tests {
                     Word { name: "black", about: "oxidized" },
                 ]),
                 default: "black",
+                tacit: false,
             },
-            OptionSpec { name: "cups", about: "how many", values: Values::Whole(1, 12), default: "2" },
-            OptionSpec { name: "heat", about: "how hot", values: Values::Number(0.5, 1.0), default: "0.9" },
+            OptionSpec {
+                name: "cups",
+                about: "how many",
+                values: Values::Whole(1, 12),
+                default: "2",
+                tacit: false,
+            },
+            OptionSpec {
+                name: "heat",
+                about: "how hot",
+                values: Values::Number(0.5, 1.0),
+                default: "0.9",
+                tacit: false,
+            },
         ],
     };
     const REST: Entry = Entry { name: "rest", about: "does nothing", options: &[] };
@@ -325,6 +349,26 @@ mod tests {
         );
         let more = BREW.with_option(options, "cups=4").expect("an option");
         assert_eq!(more.to_string(), "leaf=black,cups=4,heat=0.9");
+    }
+
+    #[test]
+    fn a_tacit_option_is_shown_where_it_is_not_what_it_would_be_unsaid() {
+        const STEEP: Entry = Entry {
+            name: "steep",
+            about: "waits",
+            options: &[OptionSpec {
+                name: "minutes",
+                about: "how long",
+                values: Values::Whole(1, 9),
+                default: "4",
+                tacit: true,
+            }],
+        };
+        for (written, shown) in [("", ""), ("minutes=4", ""), ("minutes=5", "minutes=5")] {
+            let options = STEEP.options(written).expect("an option");
+            assert_eq!(options.to_string(), shown);
+            assert_eq!(STEEP.options(shown), Ok(options));
+        }
     }
 
     #[test]

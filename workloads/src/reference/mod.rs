@@ -3,11 +3,13 @@
 //! * [`Truth`]: many shadow rays per receiver; right for any scene, with noise, whose size it tells.
 //! * [`Occluders`]: the `exact` form of the soft irregular shadow map, every edge against every receiver, no grid.
 //!   Kernels differ from it by rounding only; it differs from the rays by the method's own errors.
+//! * [`AsPrinted`]: the printed form of the same, which differs from it by what the paper gives up.
 //! * [`ErrorMetrics`]: how far one picture is from another.
 
 mod hard;
 mod metrics;
 mod occluders;
+mod printed;
 mod rays;
 mod segment;
 
@@ -17,6 +19,7 @@ mod tests;
 pub use hard::{HardHit, hard_test};
 pub use metrics::ErrorMetrics;
 pub use occluders::{Occluders, Projection};
+pub use printed::{AsPrinted, ImagePlane};
 pub(crate) use rays::GOLDEN_ANGLE;
 pub use rays::{Rays, Truth, shadow_rays, spiral};
 pub use segment::{area_beyond, line_beyond, square_beyond};

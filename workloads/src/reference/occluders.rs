@@ -102,7 +102,7 @@ impl Projection {
     }
 
     /// Part of the light beyond the plane through the receiver across `normal`, seen from the light's middle.
-    fn beyond_plane(&self, normal: DVec3) -> f64 {
+    pub(super) fn beyond_plane(&self, normal: DVec3) -> f64 {
         let (slope, offset) = self.slope(normal);
         let distance = offset / slope.length();
         // A plane in which the light lies, and what is no plane, has no distance.
@@ -135,24 +135,24 @@ impl Projection {
 }
 
 #[derive(Clone, Copy)]
-struct Face {
-    index: [u32; 3],
-    front: i32,
-    back: i32,
+pub(super) struct Face {
+    pub(super) index: [u32; 3],
+    pub(super) front: i32,
+    pub(super) back: i32,
 }
 
-struct Silhouette {
-    v: [u32; 2],
-    weights: EdgeWeights,
+pub(super) struct Silhouette {
+    pub(super) v: [u32; 2],
+    pub(super) weights: EdgeWeights,
 }
 
 /// All that casts shadows, about a light at the origin, in f64.
 pub struct Occluders {
-    vertices: Vec<DVec3>,
+    pub(super) vertices: Vec<DVec3>,
     /// All faces, by number; those that are no layer have no weight.
-    faces: Vec<Face>,
-    edges: Vec<Silhouette>,
-    radius: f64,
+    pub(super) faces: Vec<Face>,
+    pub(super) edges: Vec<Silhouette>,
+    pub(super) radius: f64,
     shape: LightShape,
 }
 
@@ -242,7 +242,7 @@ impl Occluders {
     }
 
     /// Layers in F and B between receiver `p` (light-centred) and the middle of the light, the umbra.
-    fn layers(&self, p: DVec3, own: u32) -> EdgeWeights {
+    pub(super) fn layers(&self, p: DVec3, own: u32) -> EdgeWeights {
         let mut layers = EdgeWeights::default();
         for (face, id) in self.faces.iter().zip(0_u32..) {
             if id == own || (face.front == 0 && face.back == 0) {

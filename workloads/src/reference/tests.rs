@@ -119,6 +119,34 @@ fn polygons(value: &Value) -> Mesh {
 }
 
 #[test]
+fn footprints_have_the_radii_that_the_oracles_say() {
+    for case in group("footprint_radius") {
+        let [r, z_q, z_p] = ["r", "z_q", "z_p"].map(|what| case["inputs"][what].as_f64().expect("a number"));
+        let expected = case["expected"]["R"].as_f64().expect("a number");
+        let relative = case["tolerance"]["rel_f64"].as_f64().expect("a tolerance");
+        check(&case, "R", printed::footprint_radius(r, z_q, z_p), relative * expected.abs());
+    }
+}
+
+/// One view along z, as the oracles have it, also for receivers that lie in another face of a cube.
+#[test]
+fn the_printed_form_covers_what_the_scene_oracles_say() {
+    for case in group("scene3d") {
+        let inputs = &case["inputs"];
+        let (center, p) = (vec3(&inputs["light"]), vec3(&inputs["p"]));
+        let mesh = polygons(&inputs["polygons"]);
+        let light = Light::Sphere { center, radius: inputs["r"].as_f64().expect("a radius") };
+        let occluders = Occluders::from_mesh(&mesh, &Adjacency::new(&mesh), &light);
+        let plane = ImagePlane::along(DVec3::Z);
+        // Eq. 4 as it is printed: a negative sum is nothing.
+        let (front, back) = AsPrinted(&occluders).sums(p - center, u32::MAX, plane);
+        let covered = front.max(back).clamp(0.0, 1.0);
+        let tolerance = case["tolerance"]["f64"].as_f64().expect("a tolerance");
+        check(&case, "sism_per_edge_R", covered, tolerance);
+    }
+}
+
+#[test]
 fn brute_force_covers_what_the_scene_oracles_say() {
     for case in group("scene3d") {
         let inputs = &case["inputs"];
