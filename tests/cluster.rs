@@ -792,7 +792,6 @@ fn as_here(folder: &Folder, here: &BTreeMap<String, Vec<u8>>, before: &BTreeMap<
 fn a_cluster_loses_a_node_and_its_submitter_and_then_its_controller() {
     let Some(cluster) = Cluster::start() else { return };
     let text = study("forty", "cycle", 10, 4);
-    let here = local("forty.json", &text);
     let new = || {
         let folder = Folder::new();
         folder.write("forty.json", &text);
@@ -811,9 +810,15 @@ fn a_cluster_loses_a_node_and_its_submitter_and_then_its_controller() {
     submitter.wait().expect("it ends");
     let before = finished(&cache);
     assert!(before.len() < 40, "they died midway");
+    // While Slurm takes its time to notice.
+    let here = std::thread::spawn({
+        let text = text.clone();
+        move || local("forty.json", &text)
+    });
     let (code, said) = wait_for(cluster.submit(&folder, "forty.json"), &folder);
     assert_eq!(code, Some(0), "{said}");
     assert!(said.contains("of an earlier call still queued"), "{said}");
+    let here = here.join().expect("it runs here");
     let node = cluster.slurm("sinfo", &["--noheader", "--nodes=n2", "--format=%T"]);
     assert!(node.starts_with("down"), "the node is lost: {node}");
     let known = cluster.slurm("scontrol", &["show", "job"]);

@@ -274,6 +274,7 @@ impl Plan {
     }
 }
 
+/// Name of the tasks of the plan with this hash.
 fn task_name(hash: &str) -> String {
     format!("lrbsim-{hash}")
 }
