@@ -539,13 +539,14 @@ fn a_worker_that_is_killed_fifty_times_loses_nothing() {
         seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         let part = (seed >> 11) as f64 / (1_u64 << 53) as f64;
         let mut child = start();
-        // At any time of its life, or, every other time, while it certainly is at work.
-        if kill % 2 == 0 {
-            std::thread::sleep(first.mul_f64(1.4 * part));
-        } else {
-            until("one more point is finished", || count(&cache) > before.len());
-            std::thread::sleep(Duration::from_secs_f64(0.05 * part));
-        }
+        // At any time until it is at work, or, every other time, while it certainly is.
+        let watch = Stopwatch::start();
+        let (least, most) = if kill % 2 == 0 { (0, first.mul_f64(1.4 * part)) } else { (1, Duration::ZERO) };
+        until("it is its turn to die", || {
+            let new = count(&cache) - before.len();
+            new >= least && watch.elapsed() >= most || new > 2
+        });
+        std::thread::sleep(Duration::from_secs_f64(0.02 * part));
         assert!(child.try_wait().expect("ours").is_none(), "kill {kill} came too late");
         end(child);
         let now = finished(&cache);
