@@ -9,7 +9,7 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use lrbsim_reports::files::write_with_temporary;
-use lrbsim_reports::lock::{Lock, is_without_locks};
+use lrbsim_reports::lock::Lock;
 use lrbsim_reports::picture::sha256;
 use lrbsim_reports::run::ImageError;
 use lrbsim_workloads::reference::{ErrorMetrics, Truth};
@@ -140,11 +140,7 @@ impl ReferenceRequest {
                 .passing()
         };
         std::fs::create_dir_all(file.parent().expect("it lies in a folder")).map_err(cannot)?;
-        let lock = match Lock::wait(&file.with_extension("lock")) {
-            Ok(lock) => Some(lock),
-            Err(error) if is_without_locks(&error) => None,
-            Err(error) => return Err(cannot(error)),
-        };
+        let lock = Lock::wait(&file.with_extension("lock")).map_err(cannot)?;
         // Whoever held the lock before may have cast it.
         if let Some(found) = find() {
             return Ok(found);

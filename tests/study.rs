@@ -145,7 +145,7 @@ fn an_interrupted_study_says_how_to_go_on() {
         "stopped with ",
         " of 8 points finished",
         "kept in kept",
-        "`lrbsim study long.json --cache kept` goes on",
+        "`lrbsim study long.json -j 1 --cache kept` goes on",
     ] {
         assert!(message.contains(part), "`{part}` is not in {message}");
     }

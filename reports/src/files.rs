@@ -101,7 +101,8 @@ pub struct ResultDir {
 #[derive(Debug)]
 struct Staging {
     folder: PathBuf,
-    _lock: Lock,
+    /// `None` on a file system without locks: two processes at once may then be in each other's way.
+    _lock: Option<Lock>,
     _writing: RwLockReadGuard<'static, ()>,
 }
 

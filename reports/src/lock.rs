@@ -12,13 +12,21 @@ pub struct Lock {
 }
 
 impl Lock {
-    /// Waits for the lock at `path`.
-    pub fn wait(path: &Path) -> io::Result<Lock> {
+    /// Waits for the lock at `path`; `None` on a file system without locks.
+    pub fn wait(path: &Path) -> io::Result<Option<Lock>> {
         loop {
             let file = File::create(path)?;
-            file.lock()?;
+            match file.lock() {
+                Ok(()) => {}
+                Err(error) if is_without_locks(&error) => {
+                    // Nobody would remove it.
+                    let _ = fs::remove_file(path);
+                    return Ok(None);
+                }
+                Err(error) => return Err(error),
+            }
             if let Some(lock) = Lock::confirmed(file, path) {
-                return Ok(lock);
+                return Ok(Some(lock));
             }
         }
     }
@@ -30,7 +38,13 @@ impl Lock {
             match file.try_lock() {
                 Ok(()) => {}
                 Err(TryLockError::WouldBlock) => return Ok(None),
-                Err(TryLockError::Error(error)) => return Err(error),
+                Err(TryLockError::Error(error)) => {
+                    // Nobody holds a lock where there are none, and nobody would remove its file.
+                    if is_without_locks(&error) {
+                        let _ = fs::remove_file(path);
+                    }
+                    return Err(error);
+                }
             }
             if let Some(lock) = Lock::confirmed(file, path) {
                 return Ok(Some(lock));
@@ -150,7 +164,7 @@ mod tests {
             for _ in 0..8 {
                 scope.spawn(|| {
                     for _ in 0..200 {
-                        let _lock = Lock::wait(&path).expect("writable");
+                        let _lock = Lock::wait(&path).expect("writable").expect("locks are had here");
                         assert_eq!(inside.fetch_add(1, Ordering::SeqCst), 0, "two at once");
                         inside.fetch_sub(1, Ordering::SeqCst);
                     }

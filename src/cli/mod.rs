@@ -131,9 +131,14 @@ fn not_text() -> BadInput {
 /// Tells on standard error what is odd about a scene.
 fn warn(scene: &Scene) {
     for warning in scene.warnings(&Adjacency::new(&scene.mesh)) {
-        // Nobody may be reading; the results are the same.
-        let _ = writeln!(io::stderr(), "warning: {warning}");
+        say(&format!("warning: {warning}"));
     }
+}
+
+/// Says a line on standard error, in one piece: others may write to the same log.
+fn say(line: &str) {
+    // Nobody may be reading, or the disk is full; what is computed is the same.
+    let _ = io::stderr().write_all(format!("{line}\n").as_bytes());
 }
 
 /// Shows what is wrong, on standard error.
@@ -141,7 +146,6 @@ fn complain(error: BadInput) -> ExitCode {
     // Lines are not wrapped: a message stays one line, for people who search it and programs that read it.
     let _ =
         miette::set_hook(Box::new(|_| Box::new(miette::MietteHandlerOpts::new().wrap_lines(false).build())));
-    // Nobody may be reading; the exit code still tells.
-    let _ = writeln!(io::stderr(), "{:?}", miette::Report::new(error));
+    say(&format!("{:?}", miette::Report::new(error)));
     ExitCode::from(BAD_INPUT)
 }

@@ -11,16 +11,19 @@ use lrbsim::progress::Stopwatch;
 use lrbsim::reference::DEFAULT_CACHE;
 use lrbsim::results::spare_inputs;
 use lrbsim::stability::{self, StabilityRequest};
-use lrbsim::study::{self, Options, SlurmOptions, Status, Study, StudyProgress, run_on_slurm, run_study};
+use lrbsim::study::{
+    self, Options, SlurmOptions, Status, Study, StudyProgress, quoted, run_on_slurm, run_study,
+};
 use lrbsim::written::replaced_study;
 use lrbsim::{Algorithm, BadInput, HostOptions};
 use lrbsim_reports::analysis::findings;
 use lrbsim_reports::files::ResultDir;
 use lrbsim_reports::table::counted;
 
-use super::Failure;
 use super::interrupt::on_interrupt;
 use super::progress::{on_standard_error, style};
+use super::worker::Log;
+use super::{Failure, say};
 
 /// Points at once at most: a host has no more threads.
 pub(super) const JOBS_MAX: usize = 1024;
@@ -135,31 +138,38 @@ fn export(args: &ExportArgs, out: &mut impl Write) -> Result<(), Failure> {
     on_interrupt(|| ());
     let what = &args.what;
     let options = Options { jobs: sound_jobs(args.jobs)?, cache: what.cache.clone() };
-    let commands = study::commands(&what.load()?, &options, what.shards)?;
+    let commands = study::commands(&what.load()?, &options, what.shards, &Log)?;
     for line in &commands.lines {
         writeln!(out, "{line}")?;
     }
     // Beside the list, which goes to a file or a program.
-    let (missing, all) = (commands.lines.len(), commands.shards);
-    let _ = writeln!(
-        std::io::stderr(),
-        "{missing} of {all} shards of {} miss points; run these commands anywhere that sees this folder and {}, then `{}` gathers",
-        commands.plan.display(),
-        what.cache.display(),
-        again(what, None)
-    );
+    let all = format!("{} of {}", counted(commands.shards as u64, "shard"), commands.plan.display());
+    let mut gather = format!("lrbsim study {}", word(&what.study));
+    if what.cache != Path::new(DEFAULT_CACHE) {
+        gather += &format!(" --cache {}", word(&what.cache));
+    }
+    if what.yes {
+        gather += " --yes";
+    }
+    say(&match commands.lines.len() {
+        0 => format!("no point is missing in the {all}; `{gather}` gathers"),
+        missing => format!(
+            "points are missing in {missing} of the {all}; run these commands anywhere that sees this folder and {}, then `{gather}` gathers",
+            what.cache.display()
+        ),
+    });
     Ok(())
 }
 
-/// The command that goes on with a study.
-fn again(what: &What, out: Option<&PathBuf>) -> String {
-    let mut again = format!("lrbsim study {}", what.study.display());
-    for (option, folder) in [("-o", out), ("--cache", Some(&what.cache))] {
-        if let Some(folder) = folder.filter(|folder| folder.as_path() != Path::new(DEFAULT_CACHE)) {
-            again += &format!(" {option} {}", folder.display());
-        }
-    }
-    again
+/// A path as one word of a shell.
+fn word(path: &Path) -> String {
+    quoted(&path.display().to_string())
+}
+
+/// The command that this process was started with, for a shell: it goes on with a study.
+fn again() -> String {
+    let words = std::env::args_os().skip(1).map(|arg| format!(" {}", word(Path::new(&arg))));
+    format!("lrbsim{}", words.collect::<String>())
 }
 
 fn run_points(what: &What, args: &StudyArgs, out: &mut impl Write) -> Result<bool, Failure> {
@@ -197,16 +207,10 @@ fn run_points(what: &What, args: &StudyArgs, out: &mut impl Write) -> Result<boo
 
     let visible = std::io::stderr().is_terminal();
     let bar = Bar::new(visible, args.resume);
-    let mut again = again(what, args.out.as_ref());
-    if slurm {
-        again += " --engine slurm";
-        again.extend(args.jobs.map(|jobs| format!(" -j {jobs}")));
-        again.extend(args.sbatch_arg.iter().map(|arg| format!(" --sbatch-arg={arg}")));
-    }
-    let goes_on = if slurm { "tasks go on; " } else { "" };
     bar.on_interrupt(format!(
-        "{goes_on}finished points are kept in {}; `{again}` goes on from there",
-        what.cache.display()
+        "finished points are kept in {}; `{}` goes on from there",
+        what.cache.display(),
+        again()
     ));
     let options = Options { jobs, cache: what.cache.clone() };
     let output = if slurm {
@@ -224,15 +228,16 @@ fn run_points(what: &What, args: &StudyArgs, out: &mut impl Write) -> Result<boo
     let replaced = replaced_study(&target, &output.head.study);
     let (paths, digest) = output.write(&target)?;
     for warning in digest.warnings() {
-        // Nobody may be reading; the results are the same.
-        let _ = writeln!(std::io::stderr(), "{warning}");
+        say(&warning);
     }
+    // A result that was there may be gone by now.
+    let failed = digest.study.points.iter().filter(|point| point.error.is_some()).count();
     if args.json {
         let written = target.join("study.json");
         let mut file =
             std::fs::File::open(&written).map_err(|error| BadInput::unreadable(&written, &error))?;
         std::io::copy(&mut file, out)?;
-        return Ok(status.failed == 0);
+        return Ok(failed == 0);
     }
     let base = &output.head.study.base;
     let algorithm = Algorithm::from_str(&base.algorithm)?;
@@ -256,12 +261,11 @@ fn run_points(what: &What, args: &StudyArgs, out: &mut impl Write) -> Result<boo
     }
     writeln!(
         out,
-        "\n{}: {} run, {} found in {}, {} failed; {:.1} s",
+        "\n{}: {} run, {} found in {}, {failed} failed; {:.1} s",
         counted(status.points as u64, "point"),
         status.computed,
-        status.found,
+        status.points.saturating_sub(status.computed + failed),
         what.cache.display(),
-        status.failed,
         status.seconds
     )?;
     let page = target.join("report.html");
@@ -269,7 +273,7 @@ fn run_points(what: &What, args: &StudyArgs, out: &mut impl Write) -> Result<boo
     if let Some(replaced) = replaced {
         writeln!(out, "{replaced}")?;
     }
-    Ok(status.failed == 0)
+    Ok(failed == 0)
 }
 
 /// Runs the study of stability, whose points are a list of scenes of its own; none is kept in the cache.
@@ -332,7 +336,9 @@ impl Bar {
             bar.finish_and_clear();
             let status = state.lock().ok().and_then(|status| *status).unwrap_or_default();
             let done = status.found + status.computed;
-            eprintln!("stopped with {done} of {} finished; {text}", counted(status.points as u64, "point"));
+            let points = counted(status.points as u64, "point");
+            let goes_on = if status.queued > 0 { "tasks go on; " } else { "" };
+            say(&format!("stopped with {done} of {points} finished; {goes_on}{text}"));
         };
         on_interrupt(handler);
     }
@@ -340,7 +346,7 @@ impl Bar {
 
 impl StudyProgress for Bar {
     fn say(&self, text: &str) {
-        if self.visible { self.bar.println(text) } else { eprintln!("{text}") }
+        if self.visible { self.bar.println(text) } else { say(text) }
     }
 
     fn status(&self, status: &Status) {

@@ -6,10 +6,11 @@ use std::path::PathBuf;
 use clap::Args;
 use lrbsim::BadInput;
 use lrbsim::study::{Shard, Status, Stopped, StudyProgress, run_shard};
+use lrbsim_reports::table::counted;
 
-use super::Failure;
 use super::interrupt::on_interrupt_exit;
 use super::study::JOBS_MAX;
+use super::{Failure, say};
 
 /// Exit code of a worker that stopped before its shard was done: a "temporary failure", as `sysexits.h` has it.
 pub(super) const STOPPED_EARLY: u8 = 75;
@@ -38,13 +39,13 @@ pub(crate) struct WorkerArgs {
 }
 
 /// A line for each point, on standard error: a worker's output is its log.
-struct Log;
+pub(super) struct Log;
 
 impl StudyProgress for Log {
     fn status(&self, _status: &Status) {}
 
     fn say(&self, text: &str) {
-        eprintln!("{text}");
+        say(text);
     }
 }
 
@@ -54,7 +55,7 @@ pub(crate) fn run(args: &WorkerArgs, out: &mut impl Write) -> Result<(), Failure
         return Err(BadInput::new(format!("`--threads` is {found}; it must be from 1 to {JOBS_MAX}")).into());
     }
     on_interrupt_exit(STOPPED_EARLY.into(), || {
-        eprintln!("stopped by a signal; finished points are kept, the same command goes on");
+        say("stopped by a signal; finished points are kept, the same command goes on");
     });
     let WorkerArgs { plan, shard, threads, node } = args;
     let shard = Shard { plan, number: *shard, threads: *threads, node: node.clone() };
@@ -63,16 +64,18 @@ pub(crate) fn run(args: &WorkerArgs, out: &mut impl Write) -> Result<(), Failure
         Stopped::Early(bad) => Failure::Early(bad),
     })?;
     let status = tally.status;
-    writeln!(
-        out,
-        "shard {} of {}: {} points: {} run, {} found, {} failed; {:.1} s",
+    let line = format!(
+        "shard {} of {}: {}: {} run, {} found, {} failed; {:.1} s\n",
         shard.number,
         tally.shards,
-        status.points,
+        counted(status.points as u64, "point"),
         status.computed,
         status.found,
         status.failed,
         status.seconds
-    )?;
+    );
+    // The results are in their files, whether or not the log has room for this. As one piece, so that nothing of it is left
+    // for the end of the program to write.
+    let _ = out.write_all(line.as_bytes());
     Ok(())
 }

@@ -22,7 +22,6 @@ use lrbsim_reports::files::write_with_temporary;
 use lrbsim_reports::picture::sha256;
 use lrbsim_reports::{HostReport, RunReport};
 use lrbsim_workloads::Scene;
-use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 
 use crate::error::BadInput;
@@ -60,17 +59,6 @@ pub struct Entry {
     pub host: HostReport,
     /// What was measured at the point, without the sources of the machine's numbers.
     pub report: RunReport,
-}
-
-/// What a finished point's file says before its report, which is as large as all reports.
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Head {
-    key: String,
-    build: String,
-    host: HostReport,
-    #[serde(rename = "report")]
-    _report: IgnoredAny,
 }
 
 /// What is known of a finished point without its report.
@@ -175,11 +163,18 @@ impl Cache {
         serde_json::from_str(&text).ok().filter(|entry: &Entry| entry.key == key)
     }
 
-    /// What is known of the finished point of this key without its report: its file is read, and is sound as a whole.
+    /// What is known of the finished point of this key without its report, where [`Cache::get`] would find it.
     pub fn peek(&self, key: &str) -> Option<Finished> {
-        let text = std::fs::read_to_string(self.file(key)).ok()?;
-        let head: Head = serde_json::from_str(&text).ok()?;
-        (head.key == key).then_some(Finished { build: head.build, seconds: head.host.seconds })
+        // The report is read and forgotten: a point counts as finished only where its report can be had too.
+        self.get(key).map(|entry| Finished { build: entry.build, seconds: entry.host.seconds })
+    }
+
+    /// Opens the folders of these points, upon which a network file system asks its server what is in them now: it may
+    /// remember for a minute that a file was missing.
+    pub fn freshen(&self, keys: &BTreeSet<&str>) {
+        open_anew(&self.folder);
+        let groups: BTreeSet<&str> = keys.iter().map(|key| &key[..2]).collect();
+        groups.iter().for_each(|group| open_anew(&self.folder.join(group)));
     }
 
     /// Claims a point; `None` while another process or thread computes it.
@@ -234,6 +229,11 @@ impl Cache {
     fn file(&self, key: &str) -> PathBuf {
         self.folder.join(&key[..2]).join(format!("{key}.json"))
     }
+}
+
+/// Opens a folder and reads its first name.
+pub fn open_anew(folder: &Path) {
+    let _ = std::fs::read_dir(folder).map(|mut entries| entries.next());
 }
 
 impl Spare {
@@ -390,5 +390,9 @@ mod tests {
             std::fs::write(folder.path().join("ab/abc.json"), &text[..bytes]).expect("writable");
             assert!(cache.get("abc").is_none() && cache.peek("abc").is_none(), "{bytes} bytes of it");
         }
+        let mut other: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+        other["report"]["a field of tomorrow"] = 1.into();
+        std::fs::write(folder.path().join("ab/abc.json"), other.to_string()).expect("writable");
+        assert!(cache.get("abc").is_none() && cache.peek("abc").is_none(), "a report of another layout");
     }
 }

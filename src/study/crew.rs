@@ -1,6 +1,7 @@
 //! Threads that run the points that are not finished yet, the dearest first, as many at once as fit in memory.
 
 use std::collections::{BTreeMap, VecDeque};
+use std::panic::AssertUnwindSafe;
 use std::sync::{Condvar, Mutex, MutexGuard};
 use std::time::Duration;
 
@@ -8,7 +9,7 @@ use super::cache::{Cache, Claim, Entry};
 use super::ledger::{Ledger, Outcome};
 use super::memory;
 use super::run::{Status, StudyProgress};
-use super::work::{Fault, Task, Work};
+use super::work::{Fault, Task, Work, said};
 use crate::error::BadInput;
 use crate::host::Stopwatch;
 
@@ -139,7 +140,12 @@ impl<'a> Crew<'a> {
     /// Runs points until there are none.
     fn work(&self) {
         while let Some((index, task)) = self.next() {
-            let attempt = self.compute(index, task);
+            // A thread that dies would be waited for without end.
+            let computed = std::panic::catch_unwind(AssertUnwindSafe(|| self.compute(index, task)));
+            let attempt = computed.unwrap_or_else(|panic| {
+                let said = said(panic.as_ref());
+                Err(BadInput::new(format!("point {}: lrbsim itself failed: {said}", task.point)))
+            });
             let mut state = self.state();
             state.running -= 1;
             state.memory -= task.memory;
@@ -206,8 +212,44 @@ enum Attempt {
 
 #[cfg(test)]
 mod tests {
+    use super::super::file::Study;
     use super::super::forecast::Forecast;
     use super::*;
+    use crate::progress::Quiet;
+
+    /// A store that does not work.
+    struct Broken(Cache);
+
+    impl Store for Broken {
+        fn find(&self, _key: &str) -> Option<Result<f64, String>> {
+            None
+        }
+
+        fn claim(&self, _key: &str, _waited: f64) -> Result<Option<Claim>, BadInput> {
+            panic!("nobody can claim a point")
+        }
+
+        fn cache(&self) -> &Cache {
+            &self.0
+        }
+
+        fn keep(&self, _: &Claim, _: &Task, _: Result<&mut Entry, &Fault>) -> Result<(), BadInput> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn a_thread_that_panics_ends_the_crew_and_is_not_waited_for() {
+        let text = r#"{"name": "x", "base": {"scene": "tiny", "fidelity": "functional"},
+            "axes": [{"path": "cores", "values": [1, 2, 3]}]}"#;
+        let study = Study::from_text("x.json", text, None, false).expect("sound");
+        let work = Work::of(&study, 0..study.len()).expect("sound");
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let store = Broken(Cache::open(folder.path()).expect("writable"));
+        let ended = run(&work, &store, 2, Stopwatch::start(), &Quiet);
+        let said = ended.expect_err("no point has a result").to_string();
+        assert!(said.contains("nobody can claim a point"), "{said}");
+    }
 
     #[test]
     fn points_run_together_only_as_far_as_they_fit() {

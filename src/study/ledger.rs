@@ -63,6 +63,7 @@ impl Ledger {
             computed: self.computed,
             failed: self.failed,
             running,
+            queued: 0,
             part_done: self.forecast.part_done(now),
             seconds: now,
             seconds_left,

@@ -23,7 +23,7 @@ mod work;
 use std::path::{Path, PathBuf};
 
 pub use cache::Cache;
-pub use cluster::{Commands, Shard, SlurmOptions, Stopped, Tally, commands, run_on_slurm, run_shard};
+pub use cluster::{Commands, Shard, SlurmOptions, Stopped, Tally, commands, quoted, run_on_slurm, run_shard};
 pub use file::{Study, builtin_study_names};
 pub use forecast::Forecast;
 pub use output::{StudyOutput, drawings};

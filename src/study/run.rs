@@ -33,6 +33,8 @@ pub struct Status {
     pub failed: usize,
     /// Points that are running; on a cluster, tasks.
     pub running: usize,
+    /// Tasks that a cluster has queued or running, which go on without this call.
+    pub queued: usize,
     /// Part of the work that is done, in [0, 1].
     pub part_done: f64,
     /// Seconds since the start.

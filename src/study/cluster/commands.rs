@@ -4,17 +4,14 @@ use std::path::Path;
 
 use super::super::crew::Store as _;
 use super::super::file::Study;
-use super::super::run::Options;
+use super::super::run::{Options, StudyProgress};
 use super::super::work::Work;
-use super::plan::{Cut, Plan};
+use super::plan::{Cut, Plan, Site};
 use super::store::PlanStore;
 use crate::error::BadInput;
 
-/// CPUs that are thought of where nobody says how many there are.
-const SLOTS: usize = 16;
-
-/// Shards at most: array jobs of most systems have no more tasks.
-const SHARDS_MAX: usize = 1000;
+/// What is thought of where nobody says how many CPUs there are. Array jobs of most systems have no more tasks.
+const SITE: Site = Site { cpus: 16, shards_max: 1000 };
 
 /// The environment variable that says where models are looked up: what a worker needs besides its plan.
 const SCENES: &str = "LRBSIM_SCENES";
@@ -31,10 +28,15 @@ pub struct Commands {
 }
 
 /// Plans a study and lists the commands that compute what is missing, each on `options.jobs` CPUs.
-pub fn commands(study: &Study, options: &Options, shards: Option<usize>) -> Result<Commands, BadInput> {
+pub fn commands(
+    study: &Study,
+    options: &Options,
+    shards: Option<usize>,
+    progress: &dyn StudyProgress,
+) -> Result<Commands, BadInput> {
     let work = Work::of(study, 0..study.len())?;
-    let cut = Cut { shards, slots: SLOTS, shards_max: SHARDS_MAX };
-    let plan = Plan::open_or_make(study, &work, &options.cache, cut)?;
+    let cut = Cut { shards, threads: options.jobs };
+    let plan = Plan::open_or_make(study, &work, &options.cache, cut, || Ok(SITE), progress)?;
     let store = PlanStore::new(&plan.basis, &plan.folder)?;
     let is_missing = |point: &usize| store.find(&plan.basis.keys[*point]).is_none();
     let missing = plan.shards.iter().enumerate().filter(|(_, part)| part.points.iter().any(is_missing));
@@ -60,7 +62,7 @@ pub(super) fn assignment() -> Option<String> {
 }
 
 /// `text` as one word of a shell.
-pub(super) fn quoted(text: &str) -> String {
+pub fn quoted(text: &str) -> String {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || "/-_.=,:".contains(c);
     if !text.is_empty() && text.chars().all(is_plain) {
         return text.to_owned();

@@ -16,6 +16,6 @@ mod slurm;
 mod store;
 mod worker;
 
-pub use commands::{Commands, commands};
+pub use commands::{Commands, commands, quoted};
 pub use slurm::{SlurmOptions, run_on_slurm};
 pub use worker::{Shard, Stopped, Tally, run_shard};

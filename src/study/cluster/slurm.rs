@@ -7,9 +7,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
+use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
 
-use lrbsim_reports::lock::Lock;
+use lrbsim_reports::table::counted;
 
 use super::super::crew::Store as _;
 use super::super::file::Study;
@@ -18,8 +19,8 @@ use super::super::output::StudyOutput;
 use super::super::run::{Options, Status, StudyProgress};
 use super::super::work::Work;
 use super::commands::{assignment, worker};
-use super::plan::{Cut, Plan};
-use super::store::PlanStore;
+use super::plan::{Cut, Plan, SILENT_SECONDS, Site, locked};
+use super::store::{PATIENCE_SECONDS, PlanStore};
 use crate::error::BadInput;
 use crate::host::Stopwatch;
 
@@ -39,8 +40,27 @@ const ARRAY_SIZE_MAX: usize = 1001;
 /// the end of a study is seen within a twentieth of that.
 const POLL_SECONDS: (f64, f64) = (1.0, 30.0);
 
-/// Seconds that a point of a task that is gone may still be on its way through a network file system.
+/// Seconds until a task that is gone counts as ended: what it wrote last may still be on its way through a network file
+/// system, and a task that is queued again may not be in the queue yet.
 const GRACE_SECONDS: f64 = 5.0;
+
+/// Options of `sbatch` that are not the user's, with their letters and what their variables end with: lrbsim knows its tasks,
+/// their logs and the number of the job by them.
+const OWN_OPTIONS: [(&str, char, &str); 10] = [
+    ("--job-name", 'J', "JOB_NAME"),
+    ("--array", 'a', "ARRAY_INX"),
+    ("--output", 'o', "OUTPUT"),
+    ("--error", 'e', "ERROR"),
+    ("--clusters", 'M', "CLUSTERS"),
+    ("--wait", 'W', "WAIT"),
+    ("--quiet", 'Q', "QUIET"),
+    ("--test-only", '\0', "TEST_ONLY"),
+    ("--parsable", '\0', "PARSABLE"),
+    ("--wrap", '\0', "WRAP"),
+];
+
+/// Letters of `sbatch` that take no value: others may follow in the same word.
+const FLAGS: &str = "hHIkOsvV";
 
 /// Seconds between two looks at the progress bar.
 const TICK: Duration = Duration::from_millis(200);
@@ -54,9 +74,12 @@ const LOGS_MAX: usize = 4;
 /// A task that Slurm knows.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Task {
-    id: String,
+    /// Number of its job.
+    job: String,
     shard: usize,
     state: String,
+    /// Name of its job.
+    name: String,
     reason: String,
 }
 
@@ -69,21 +92,25 @@ pub fn run_on_slurm(
     progress: &dyn StudyProgress,
 ) -> Result<Option<StudyOutput>, BadInput> {
     let watch = Stopwatch::start();
+    sound(&slurm.sbatch_args)?;
     let work = Work::of(study, 0..study.len())?;
-    let cut = Cut { shards: slurm.shards, slots: cpus().max(1), shards_max: array_size_max() - 1 };
-    let plan = Plan::open_or_make(study, &work, &options.cache, cut)?;
+    let cut = Cut { shards: slurm.shards, threads: options.jobs };
+    let site = || patiently(progress, site);
+    let plan = Plan::open_or_make(study, &work, &options.cache, cut, site, progress)?;
     let store = PlanStore::new(&plan.basis, &plan.folder)?;
     let mut run = Run::new(&work, &plan, &store, watch, options.jobs);
     let foreign = run.missing.iter().filter(|point| store.is_foreign(&plan.basis.keys[**point])).count();
     if foreign > 0 {
         progress.say(&format!(
-            "{foreign} points in {} are of another build of lrbsim: they are run again, not mixed in",
+            "{} in {} of another build of lrbsim: run again, not mixed in",
+            counted(foreign as u64, "point"),
             plan.basis.cache.display()
         ));
     }
     progress.status(&run.status(&[]));
     if !run.missing.is_empty() {
-        run.submit(&slurm.sbatch_args, progress)?;
+        let queued = run.submit(&slurm.sbatch_args, progress)?;
+        progress.status(&Status { queued, ..run.status(&[]) });
         if !run.watch(progress) {
             return Ok(None);
         }
@@ -148,6 +175,20 @@ impl<'a> Run<'a> {
         }
     }
 
+    /// Looks for the results of points in the shards that `within` picks, and takes nothing for missing that was missing some
+    /// time ago.
+    fn look_anew(&mut self, within: impl Fn(usize) -> bool) {
+        let plan = self.plan;
+        let asked = self.missing.iter().filter(|point| within(self.shard_of[point]));
+        self.store.freshen(&asked.map(|point| plan.basis.keys[*point].as_str()).collect());
+        self.look(within, true);
+    }
+
+    /// Points without a result in a shard.
+    fn missing_of(&self, shard: usize) -> usize {
+        self.missing.iter().filter(|point| self.shard_of[point] == shard).count()
+    }
+
     /// Shards that miss a point.
     fn unfinished(&self) -> BTreeSet<usize> {
         self.missing.iter().map(|point| self.shard_of[point]).collect()
@@ -157,11 +198,11 @@ impl<'a> Run<'a> {
         let running = queue.iter().filter(|task| task.is_running()).count();
         let now = self.watch.elapsed().as_secs_f64();
         let left = (running > 0).then(|| self.ledger.forecast.left(now, running * self.threads)).flatten();
-        self.ledger.status(running, now, left)
+        Status { queued: queue.len(), ..self.ledger.status(running, now, left) }
     }
 
-    /// Submits the shards that miss a point and are not queued from before.
-    fn submit(&self, args: &[String], progress: &dyn StudyProgress) -> Result<(), BadInput> {
+    /// Submits the shards that miss a point and are not queued from before. Tells how many tasks are queued now.
+    fn submit(&self, args: &[String], progress: &dyn StudyProgress) -> Result<usize, BadInput> {
         let plan = self.plan;
         let folder = plan.folder.display().to_string();
         if folder.contains(['%', '\\', '\n']) {
@@ -171,27 +212,39 @@ impl<'a> Run<'a> {
             .with_help("start the study in a folder without them in its name"));
         }
         // Two submitters at once: the second sees what the first has submitted.
-        let _lock = Lock::wait(&plan.folder.join(".lock"))
-            .map_err(|error| BadInput::new(format!("cannot write to `{folder}`: {error}")))?;
-        let queue = queue(&plan.name()).map_err(|said| {
+        let _lock = locked(&plan.folder, PATIENCE_SECONDS, progress)?;
+        let others = plan.others();
+        let names: Vec<String> = others.iter().map(|(name, _)| name.clone()).chain([plan.name()]).collect();
+        let queue = patiently(progress, || queue(&names.join(","))).map_err(|said| {
             BadInput::new(format!("Slurm does not say what is queued: {said}")).with_help(
                 "the same command goes on when Slurm answers; `lrbsim study export` lists commands to run without it",
             )
         })?;
-        let queued: BTreeSet<usize> = queue.iter().map(|task| task.shard).collect();
+        for (name, folder) in others {
+            let tasks = queue.iter().filter(|task| task.name == name).count();
+            if tasks > 0 {
+                progress.say(&format!(
+                    "{} of another plan of this study, {}, still in the queue; `scancel --me --name={name}` ends them",
+                    counted(tasks as u64, "task"),
+                    folder.display()
+                ));
+            }
+        }
+        let of_plan = queue.iter().filter(|task| task.name == plan.name());
+        let queued: BTreeSet<usize> = of_plan.map(|task| task.shard).collect();
         let unfinished = self.unfinished();
         let wanted: Vec<usize> = unfinished.difference(&queued).copied().collect();
         if wanted.len() < unfinished.len() {
-            let before = unfinished.len() - wanted.len();
-            progress.say(&format!("{before} tasks of an earlier call are still queued or running"));
+            let before = (unfinished.len() - wanted.len()) as u64;
+            progress.say(&format!("{} of an earlier call still queued or running", counted(before, "task")));
         }
         if wanted.is_empty() {
-            return Ok(());
+            return Ok(queued.len());
         }
         let threads = self.threads;
-        let minutes = 10 + (plan.shard_seconds_max() * 3.0 / threads as f64 / 60.0).ceil() as u64;
+        let minutes = (10.0 + plan.shard_seconds_max() * 3.0 / threads as f64 / 60.0).ceil() as u64;
         let megabytes = (plan.basis.memory * threads as u64).div_ceil(1 << 20);
-        let mut sbatch = Command::new("sbatch");
+        let mut sbatch = slurm("sbatch");
         sbatch
             .args(["--parsable", "--requeue", "--open-mode=append", "--ntasks=1", "--signal=B:TERM@60"])
             .arg(format!("--job-name={}", plan.name()))
@@ -202,17 +255,18 @@ impl<'a> Run<'a> {
             .arg(format!("--chdir={folder}"))
             .arg(format!("--output={folder}/log/%A_%a.out"))
             .args(args);
-        let said = run(&mut sbatch, Some(&self.script()?)).map_err(|said| {
+        let script = self.script()?;
+        let said = patiently(progress, || run(&mut sbatch, Some(&script)));
+        let job = said.and_then(|said| job_of(&said)).map_err(|said| {
             BadInput::new(format!("Slurm takes no job: {said}")).with_help(
-                "`--sbatch-arg` adds what your site asks for, as in `--sbatch-arg=--partition=NAME`; it may also say less memory or time",
+                "`--sbatch-arg` adds what your site asks for, as in `--sbatch-arg=--partition=NAME`; it may also say less memory or time. Where a site allows fewer tasks, remove the folder of the plan and say fewer `--shards`",
             )
         })?;
-        let job = said.trim().split(';').next().unwrap_or_default().to_owned();
-        let tasks = wanted.len();
+        let tasks = counted(wanted.len() as u64, "task");
         progress.say(&format!(
-            "submitted {tasks} tasks as job {job}, logs are in {folder}/log; `scancel {job}` ends them"
+            "submitted {tasks} as job {job}, logs are in {folder}/log; `scancel {job}` ends what is left of it"
         ));
-        Ok(())
+        Ok(queued.len() + wanted.len())
     }
 
     /// What a task runs. Only the batch shell is told of an early end, so that the worker takes its place.
@@ -230,6 +284,7 @@ impl<'a> Run<'a> {
         let mut silent = false;
         let mut gone: BTreeMap<usize, f64> = BTreeMap::new();
         let mut told: BTreeSet<String> = BTreeSet::new();
+        let mut held: BTreeSet<(String, usize)> = BTreeSet::new();
         let mut ended: BTreeSet<usize> = BTreeSet::new();
         loop {
             match queue(&self.plan.name()) {
@@ -245,18 +300,16 @@ impl<'a> Run<'a> {
                 }
                 Err(_) => {}
             }
-            // A task that has not begun has no results; a shard that nobody knows of may have.
-            let waits: BTreeSet<usize> = last
-                .iter()
-                .filter(|task| !silent && task.state == "PENDING")
-                .map(|task| task.shard)
-                .collect();
+            // A task that has not begun has no results; a shard that nobody knows of may have, or one that is held after it
+            // ran.
+            let waits: BTreeSet<usize> =
+                last.iter().filter(|task| !silent && task.is_waiting()).map(|task| task.shard).collect();
             self.look(|shard| !waits.contains(&shard), true);
             if self.missing.is_empty() {
                 if last.iter().any(|task| !task.is_running()) {
                     // They would find everything done; those that are held would never. Best effort: they harm nobody.
                     let name = format!("--name={}", self.plan.name());
-                    let _ = run(Command::new("scancel").args(["--me", "--state=PENDING"]).arg(name), None);
+                    let _ = run(slurm("scancel").args(["--me", "--state=PENDING"]).arg(name), None);
                 }
                 return true;
             }
@@ -267,26 +320,29 @@ impl<'a> Run<'a> {
                 gone.retain(|shard, _| unfinished.contains(shard) && !queued.contains(shard));
                 for shard in unfinished.difference(&queued) {
                     if now - *gone.entry(*shard).or_insert(now) >= GRACE_SECONDS && ended.insert(*shard) {
+                        self.look_anew(|other| other == *shard);
                         self.tell_of_end(*shard, ended.len(), progress);
                     }
                 }
                 ended.retain(|shard| gone.contains_key(shard));
                 let left: Vec<&Task> = last.iter().filter(|task| unfinished.contains(&task.shard)).collect();
-                for task in left.iter().filter(|task| task.is_held()) {
-                    if told.insert(task.id.clone()) {
-                        progress.say(&format!("task {} is held: {}", task.id, task.reason));
-                    }
-                }
+                let now_held = left.iter().filter(|task| task.is_held());
+                tell_of_held(now_held.filter(|task| held.insert((task.job.clone(), task.shard))), progress);
                 for task in left.iter().filter(|task| task.is_stuck()) {
                     if told.insert(task.reason.clone()) {
                         let drained = task.reason.contains("DRAINED");
                         let help = if drained { ": `sinfo -R` says why nodes are" } else { "" };
-                        progress.say(&format!("task {} waits: {}{help}", task.id, task.reason));
+                        progress
+                            .say(&format!("task {}_{} waits: {}{help}", task.job, task.shard, task.reason));
                     }
                 }
                 if left.iter().all(|task| task.is_held())
                     && unfinished.iter().all(|shard| ended.contains(shard) || queued.contains(shard))
                 {
+                    self.look_anew(|_| true);
+                    if self.missing.is_empty() {
+                        continue;
+                    }
                     self.tell_of_rest(&left, ended.len(), progress);
                     return false;
                 }
@@ -302,9 +358,12 @@ impl<'a> Run<'a> {
 
     /// Says that a task has ended before its points, and what it said last.
     fn tell_of_end(&self, shard: usize, ended: usize, progress: &dyn StudyProgress) {
-        let missing = self.missing.iter().filter(|point| self.shard_of[point] == shard).count();
-        let all = self.plan.shards[shard].points.len();
-        let mut text = format!("shard {shard} has ended and misses {missing} of its {all} points");
+        let missing = self.missing_of(shard);
+        if missing == 0 {
+            return;
+        }
+        let all = counted(self.plan.shards[shard].points.len() as u64, "point");
+        let mut text = format!("shard {shard} has ended and misses {missing} of its {all}");
         if ended <= LOGS_MAX {
             match last_log(&self.plan.folder.join("log"), shard) {
                 Some((path, lines)) => text += &format!("; {} ends with:{lines}", path.display()),
@@ -315,17 +374,17 @@ impl<'a> Run<'a> {
     }
 
     fn tell_of_rest(&self, held: &[&Task], ended: usize, progress: &dyn StudyProgress) {
-        let mut text = format!("{} points are missing, and nothing computes them", self.missing.len());
+        let missing = counted(self.missing.len() as u64, "point");
+        let mut text = format!("{missing} missing, and nothing computes what is missing");
         if ended > 0 {
-            text += &format!(": {ended} shards have ended without them");
+            text += &format!(": {} ended without", counted(ended as u64, "shard"));
         }
         if !held.is_empty() {
-            let ids: BTreeSet<&str> =
-                held.iter().map(|task| task.id.split('_').next().unwrap_or(&task.id)).collect();
+            let ids: BTreeSet<&str> = held.iter().map(|task| task.job.as_str()).collect();
             let ids: Vec<&str> = ids.into_iter().collect();
             text += &format!(
-                "; {} tasks are held: `scontrol release {}` lets them go on, or `scancel {}` ends them; nodes that are drained `scontrol update nodename=NAME state=resume` puts back",
-                held.len(),
+                "; {} held: `scontrol release {}` lets go on what is held, or `scancel {}` ends it; nodes that are drained `scontrol update nodename=NAME state=resume` puts back",
+                counted(held.len() as u64, "task"),
                 ids.join(","),
                 ids.join(" ")
             );
@@ -338,6 +397,11 @@ impl<'a> Run<'a> {
 impl Task {
     fn is_running(&self) -> bool {
         self.state == "RUNNING"
+    }
+
+    /// Whether it waits for its turn.
+    fn is_waiting(&self) -> bool {
+        self.state == "PENDING" && !self.is_held()
     }
 
     /// Whether it waits until somebody lets it go on.
@@ -358,48 +422,134 @@ impl Task {
             "Prolog",
             "",
         ];
-        self.state == "PENDING" && !self.is_held() && !USUAL.contains(&self.reason.as_str())
+        self.is_waiting() && !USUAL.contains(&self.reason.as_str())
     }
 }
 
-/// The tasks of this name that are queued or running; what Slurm said where it does not tell.
-fn queue(name: &str) -> Result<Vec<Task>, String> {
-    let mut squeue = Command::new("squeue");
-    squeue.args(["--noheader", "--array", "--me", "--format=%F_%K|%K|%T|%r"]).arg(format!("--name={name}"));
+/// Says which tasks are held and why, many in a line.
+fn tell_of_held<'a>(tasks: impl Iterator<Item = &'a &'a Task>, progress: &dyn StudyProgress) {
+    let mut held: BTreeMap<(&str, &str), BTreeSet<usize>> = BTreeMap::new();
+    for task in tasks {
+        held.entry((&task.job, &task.reason)).or_default().insert(task.shard);
+    }
+    for ((job, reason), shards) in held {
+        let shards = ranges(&shards.into_iter().collect::<Vec<_>>());
+        progress.say(&format!("held: {job}_[{shards}], {reason}"));
+    }
+}
+
+/// Refuses arguments of `sbatch` that would take from lrbsim what it relies on.
+fn sound(args: &[String]) -> Result<(), BadInput> {
+    for (index, arg) in args.iter().enumerate() {
+        let long = arg.split('=').next().unwrap_or_default();
+        let letter = arg
+            .strip_prefix('-')
+            .and_then(|rest| rest.trim_start_matches(|c| FLAGS.contains(c)).chars().next());
+        let is_own = |option: &&(&str, char, &str)| match long.strip_prefix("--") {
+            // `sbatch` takes the beginning of a name for the name.
+            Some(_) => option.0.starts_with(long),
+            None => letter == Some(option.1),
+        };
+        if let Some((option, ..)) = OWN_OPTIONS.iter().find(is_own) {
+            return Err(BadInput::new(format!("`--sbatch-arg={arg}`: lrbsim itself decides on `{option}`"))
+                .with_help("leave it out; `scontrol update jobid=JOB arraytaskthrottle=N` lets N tasks of a job run at once, and no more"));
+        }
+        // The value of the option before it, or else a script in place of lrbsim's.
+        let before = index.checked_sub(1).map_or("", |before| &args[before]);
+        if !arg.starts_with('-') && (!before.starts_with('-') || before.contains('=')) {
+            return Err(BadInput::new(format!("`--sbatch-arg={arg}` is no option of `sbatch`")).with_help(
+                "an option and its value are one argument, as in `--sbatch-arg=--partition=NAME`",
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// The number of a job in what `sbatch` says, which may name its cluster too.
+fn job_of(said: &str) -> Result<String, String> {
+    let job = said.trim().split(';').next().unwrap_or_default();
+    match !job.is_empty() && job.chars().all(|c| c.is_ascii_digit()) {
+        true => Ok(job.to_owned()),
+        false => Err(format!("`sbatch` says `{}`, which is no number of a job", said.trim())),
+    }
+}
+
+/// The tasks of these names, with commas between, that are queued or running; what Slurm said where it does not tell.
+fn queue(names: &str) -> Result<Vec<Task>, String> {
+    let mut squeue = slurm("squeue");
+    squeue.args(["--noheader", "--array", "--me", "--format=%F|%K|%T|%j|%r"]).arg(format!("--name={names}"));
     Ok(tasks(&run(&mut squeue, None)?))
 }
 
 /// Tasks in the text of `squeue`.
 fn tasks(text: &str) -> Vec<Task> {
     let task = |line: &str| {
-        let mut parts = line.trim().splitn(4, '|').map(str::to_owned);
-        let (id, shard) = (parts.next()?, parts.next()?.parse().ok()?);
-        Some(Task { id, shard, state: parts.next()?, reason: parts.next().unwrap_or_default() })
+        let mut parts = line.trim().splitn(5, '|').map(str::to_owned);
+        let (job, shard) = (parts.next()?, parts.next()?.parse().ok()?);
+        let (state, name) = (parts.next()?, parts.next()?);
+        Some(Task { job, shard, state, name, reason: parts.next().unwrap_or_default() })
     };
     text.lines().filter_map(task).collect()
 }
 
-/// CPUs of the cluster, over all of the largest partition; 0 where Slurm does not say.
-fn cpus() -> usize {
-    let text = run(Command::new("sinfo").args(["--noheader", "--format=%C"]), None).unwrap_or_default();
+/// How large the cluster is: the CPUs of its largest partition, and the tasks that an array may have.
+fn site() -> Result<Site, BadInput> {
+    let unknown = |said: String| {
+        BadInput::new(format!("Slurm does not say how large the cluster is: {said}")).with_help(
+            "a study is cut by that, once; start the same command again when Slurm answers, or see `lrbsim study export`",
+        )
+    };
+    let text = run(slurm("sinfo").args(["--noheader", "--format=%C"]), None).map_err(unknown)?;
     // Allocated, idle, other, total.
-    text.lines().filter_map(|line| line.trim().rsplit('/').next()?.parse().ok()).max().unwrap_or(0)
-}
-
-/// Tasks that an array may have.
-fn array_size_max() -> usize {
-    let text = run(Command::new("scontrol").args(["show", "config"]), None).unwrap_or_default();
-    let line = text
+    let cpus = text.lines().filter_map(|line| line.trim().rsplit('/').next()?.parse().ok()).max();
+    let cpus = cpus
+        .filter(|cpus| *cpus > 0)
+        .ok_or_else(|| unknown("`sinfo` shows no CPU that you may use".to_owned()))?;
+    let text = run(slurm("scontrol").args(["show", "config"]), None).map_err(unknown)?;
+    let size = text
         .lines()
         .find_map(|line| line.strip_prefix("MaxArraySize")?.split('=').nth(1)?.trim().parse().ok());
-    line.filter(|size| *size > 1).unwrap_or(ARRAY_SIZE_MAX)
+    Ok(Site { cpus, shards_max: size.filter(|size| *size > 1).unwrap_or(ARRAY_SIZE_MAX) - 1 })
+}
+
+/// Does what asks Slurm, and says so where the answer is long in coming.
+fn patiently<T>(progress: &dyn StudyProgress, ask: impl FnOnce() -> T) -> T {
+    std::thread::scope(|scope| {
+        let (answered, heard) = channel::<()>();
+        scope.spawn(move || {
+            if heard.recv_timeout(Duration::from_secs_f64(SILENT_SECONDS)) == Err(RecvTimeoutError::Timeout) {
+                progress.say("asking Slurm, which is long in answering");
+            }
+        });
+        let answer = ask();
+        drop(answered);
+        answer
+    })
+}
+
+/// A command of Slurm without the user's variables that would change what it answers. His own for `sbatch` stay, but for
+/// those that lrbsim decides on.
+fn slurm(program: &str) -> Command {
+    let mut command = Command::new(program);
+    for (name, _) in std::env::vars_os() {
+        let of_program = name.to_str().and_then(|name| {
+            let (prefix, rest) = name.split_once('_')?;
+            prefix.eq_ignore_ascii_case(program).then_some(rest)
+        });
+        if of_program.is_some_and(|end| program != "sbatch" || OWN_OPTIONS.iter().any(|own| own.2 == end)) {
+            command.env_remove(name);
+        }
+    }
+    command
 }
 
 /// What a command of Slurm prints; where it fails, what it says of that.
 fn run(command: &mut Command, input: Option<&str>) -> Result<String, String> {
     let program = command.get_program().to_string_lossy().into_owned();
     let failed = |error: std::io::Error| match error.kind() {
-        std::io::ErrorKind::NotFound => format!("`{program}` is not on the path"),
+        std::io::ErrorKind::NotFound => {
+            format!("`{program}` is not on the path; where a site keeps Slurm in a module, load that first")
+        }
         _ => format!("`{program}` cannot be run: {error}"),
     };
     command.stdin(if input.is_some() { Stdio::piped() } else { Stdio::null() });
@@ -459,12 +609,82 @@ mod tests {
 
     #[test]
     fn what_squeue_says_is_understood() {
-        let text = "12_0|0|RUNNING|None\n12_3|3|PENDING|launch failed requeued held\n12_4|4|PENDING|JobHeldUser\n 12_5|5|PENDING|QOSMaxJobsPerUserLimit\nnoise\n";
+        let text = "12|0|RUNNING|a|None\n12|3|PENDING|a|launch failed requeued held\n12|4|PENDING|a|JobHeldUser\n 12|5|PENDING|a|QOSMaxJobsPerUserLimit\nnoise\n";
         let tasks = tasks(text);
+        assert!(tasks.iter().all(|task| (task.job.as_str(), task.name.as_str()) == ("12", "a")));
         assert_eq!(tasks.iter().map(|task| task.shard).collect::<Vec<_>>(), [0, 3, 4, 5]);
         assert_eq!(tasks.iter().map(Task::is_running).collect::<Vec<_>>(), [true, false, false, false]);
         assert_eq!(tasks.iter().map(Task::is_held).collect::<Vec<_>>(), [false, true, true, false]);
         assert_eq!(tasks.iter().map(Task::is_stuck).collect::<Vec<_>>(), [false, false, false, true]);
+    }
+
+    #[test]
+    fn held_tasks_are_named_together() {
+        struct Heard(std::sync::Mutex<Vec<String>>);
+        impl StudyProgress for Heard {
+            fn status(&self, _status: &Status) {}
+            fn say(&self, text: &str) {
+                self.0.lock().expect("nobody panics with it").push(text.to_owned());
+            }
+        }
+        let heard = Heard(std::sync::Mutex::default());
+        let lines: String = (0..1000).map(|shard| format!("7|{shard}|PENDING|a|JobHeldUser\n")).collect();
+        tell_of_held(tasks(&lines).iter().collect::<Vec<_>>().iter(), &heard);
+        assert_eq!(*heard.0.lock().expect("nobody panics with it"), ["held: 7_[0-999], JobHeldUser"]);
+    }
+
+    #[test]
+    fn arguments_by_which_tasks_are_known_are_refused() {
+        let refused = |words: &[&str]| {
+            let words: Vec<String> = words.iter().map(|&word| word.to_owned()).collect();
+            sound(&words).err().map(|bad| bad.to_string())
+        };
+        for word in [
+            "--job-name=x",
+            "-Jx",
+            "-J",
+            "--array=0-3%2",
+            "-a0",
+            "--arr=1",
+            "--output=/dev/null",
+            "-o",
+            "--error",
+            "-ex",
+        ] {
+            assert!(refused(&[word]).is_some(), "{word}");
+        }
+        for word in [
+            "--test-only",
+            "--parsable",
+            "--wrap=date",
+            "--clusters=b",
+            "-Mb",
+            "--wait",
+            "-HJx",
+            "-vQ",
+            "script.sh",
+        ] {
+            assert!(refused(&[word]).is_some(), "{word}");
+        }
+        assert!(refused(&["--partition=main", "script.sh"]).is_some());
+        for words in [
+            ["--partition=main", "-Aname"],
+            ["-p", "main"],
+            ["--wait-all-nodes=1", "--exclusive"],
+            ["-H", "--no-requeue"],
+        ] {
+            assert_eq!(refused(&words), None);
+        }
+        assert!(refused(&["--array=0-3%2"]).is_some_and(|said| said.contains("`--array`")));
+    }
+
+    #[test]
+    fn only_a_number_is_a_job() {
+        assert_eq!(job_of("4711\n").as_deref(), Ok("4711"));
+        assert_eq!(job_of("4711;cluster\n").as_deref(), Ok("4711"));
+        for said in ["", "\n", "Submitted batch job 4711\n", ";x"] {
+            assert!(job_of(said).is_err(), "{said}");
+        }
     }
 
     #[test]

@@ -1,12 +1,13 @@
 //! What is done of a plan: finished points in the cache that the plan's own build computed, and points that failed.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use lrbsim_reports::files::write_with_temporary;
 use serde::{Deserialize, Serialize};
 
-use super::super::cache::{Cache, Claim, Entry};
+use super::super::cache::{Cache, Claim, Entry, open_anew};
 use super::super::crew::Store;
 use super::super::run::StudyProgress;
 use super::super::work::{Fault, FaultOf, Task};
@@ -15,9 +16,9 @@ use crate::error::BadInput;
 use crate::host::{node, partial};
 use crate::progress::Quiet;
 
-/// Seconds that a worker waits for another that computes a point: as long as servers of network file systems keep locks of
-/// hosts that have died. Later it computes the point too, which harms nobody.
-const PATIENCE_SECONDS: f64 = 120.0;
+/// Seconds that a lock is waited for: as long as servers of network file systems keep locks of hosts that have died. Later
+/// a worker computes the point too, which harms nobody.
+pub(super) const PATIENCE_SECONDS: f64 = 120.0;
 
 /// Where results of a plan are found.
 pub(super) struct PlanStore<'a> {
@@ -65,6 +66,12 @@ impl<'a> PlanStore<'a> {
     /// Folder of the points that failed.
     pub fn failed(&self) -> &Path {
         &self.failed
+    }
+
+    /// Has a network file system look anew for the results of these points.
+    pub fn freshen(&self, keys: &BTreeSet<&str>) {
+        self.cache.freshen(keys);
+        open_anew(&self.failed);
     }
 
     /// Whether the point is there, computed by another build.
