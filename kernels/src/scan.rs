@@ -138,33 +138,3 @@ impl Kernel for AddOffset {
         }
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use lrbsim_isa::{HostSimd, Phase, run_functional};
-
-    #[test]
-    fn a_scan_equals_the_running_sum() {
-        for count in [0u64, 1, 15, 16, 1023, 1024, 5000, 40_000] {
-            let mut arena = Arena::new();
-            let values: Vec<u32> = (0..count as u32).map(|i| i.wrapping_mul(2_654_435_761) >> 28).collect();
-            let words = arena.overwritten(padded(count));
-            arena.write_u32s(words, &values);
-            let scan = Scan::new(&mut arena, words, count);
-            let mut run_step = |_: &Phase, step: &Step, arena: &mut Arena| {
-                run_functional(step, arena, HostSimd::detect(), 2);
-                Ok(())
-            };
-            let mut runner = Runner::new(&mut arena, &mut run_step);
-            runner.phase(&Phase { id: "scan", title: "prefix sum", in_paper_total: false });
-            scan.run(&mut runner).expect("nothing stops it");
-            let mut sum = 0;
-            for (i, value) in values.iter().enumerate() {
-                assert_eq!(arena.read_u32(words.plus_words(i as u64)), sum, "word {i} of {count}");
-                sum += value;
-            }
-            assert_eq!(arena.read_u32(words.plus_words(count)), sum, "total of {count}");
-        }
-    }
-}
