@@ -7,7 +7,7 @@ use lrbsim_isa::HostSimd;
 use lrbsim_kernels::light::Outline;
 use lrbsim_kernels::sism::Overlap;
 use lrbsim_kernels::sism::bits::{places, turns};
-use lrbsim_workloads::glam::{DVec2, DVec3, Vec3};
+use lrbsim_workloads::glam::{DVec2, Vec3};
 use lrbsim_workloads::reference::Occluders;
 use lrbsim_workloads::{Light, ShadowInput};
 
@@ -53,12 +53,7 @@ fn random_scenes_have_the_samples_covered_that_are() {
             agree(&format!("seed {seed}, radius {radius}"), &input(mesh.clone(), sphere(radius), &receivers));
         }
         let light = Light::Disc { center: Default::default(), normal: Random(seed).vector(), radius: 0.3 };
-        agree(&format!("disc, seed {seed}"), &input(mesh.clone(), light, &receivers));
-        let (half_u, half_v) = (DVec3::new(0.3, 0.1, 0.0), DVec3::new(0.0, 0.05, -0.2));
-        let light = Light::Rect { center: DVec3::ZERO, half_u, half_v };
-        agree(&format!("rectangle, seed {seed}"), &input(mesh.clone(), light, &receivers));
-        let light = Light::Linear { p0: -half_u, p1: half_u };
-        agree(&format!("line, seed {seed}"), &input(mesh, light, &receivers));
+        agree(&format!("disc, seed {seed}"), &input(mesh, light, &receivers));
     }
 }
 
