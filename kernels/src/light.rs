@@ -1,8 +1,8 @@
 //! The light as a receiver sees it: a disc, a rectangle or a line, and where occluders project on it.
 
 use lrbsim_isa::Vpu;
-use lrbsim_workloads::LightShape;
 use lrbsim_workloads::glam::DVec3;
+use lrbsim_workloads::{LightShape, Outline};
 
 use crate::expression::each;
 use crate::plane::{Vec3, cross, dot, sub};
@@ -12,36 +12,6 @@ use crate::segment::{Angle, Vec2, segment_by};
 /// Nearest and farthest height of an occluder over its receiver, in parts of the light's height: nearer is the receiver's
 /// own neighbourhood, farther is behind the light.
 const HEIGHT_MIN: f32 = 1e-6;
-
-/// What the places on a light are that belong to it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Outline {
-    /// Those up to 1 from the middle.
-    Disc,
-    /// Those whose numbers are both in [-1, 1].
-    Square,
-    /// Those whose first number is in [-1, 1] and whose second is 0.
-    Line,
-}
-
-impl Outline {
-    /// The outline of a light of `shape`.
-    pub fn of(shape: &LightShape) -> Outline {
-        match shape {
-            LightShape::Facing | LightShape::Disc { .. } => Outline::Disc,
-            LightShape::Rect { .. } => Outline::Square,
-            LightShape::Line { .. } => Outline::Line,
-        }
-    }
-
-    /// Square of the distance of its farthest place from the middle.
-    pub fn reach2(self) -> f32 {
-        match self {
-            Outline::Disc | Outline::Line => 1.0,
-            Outline::Square => 2.0,
-        }
-    }
-}
 
 /// The light in the frame of 16 receivers, one a lane.
 ///
@@ -75,7 +45,7 @@ impl<V: Vpu> View<V> {
     /// The frame of receivers `receiver` (light-centred) for a light of this shape; if it is a disc, of radius `1 / per_radius`.
     #[inline(always)]
     pub fn new(v: &mut V, shape: &LightShape, receiver: Vec3<V>, per_radius: V::F32) -> View<V> {
-        let outline = Outline::of(shape);
+        let outline = shape.outline();
         match shape {
             LightShape::Facing => {
                 // a = -p/|p|; s and t by the branchless basis of Duff et al. 2017.

@@ -53,23 +53,48 @@ pub fn segment_by<V: Vpu>(
         return (live, zero);
     }
 
-    // Clamp the end points, measured along the edge from the foot of the perpendicular, to the half chord.
+    // The end points, measured along the edge from the foot of the perpendicular.
+    let chord = chord(v, d, [zero, one]);
+    let a = along(v, u0, e, per_length);
+    let a = on_chord(v, a, chord);
+    let b = along(v, u1, e, per_length);
+    let b = on_chord(v, b, chord);
+    stretch(v, live, d, [a, b], angle, zero)
+}
+
+/// The ends of the unit disc's chord on a line at distance `d` < 1, from the foot of the perpendicular; constants 0 and 1 are
+/// the caller's.
+#[inline(always)]
+pub fn chord<V: Vpu>(v: &mut V, d: V::F32, [zero, one]: [V::F32; 2]) -> [V::F32; 2] {
     let below = v.vsub(one, d);
     let above = v.vadd(one, d);
     let half_chord2 = v.vmul(below, above);
     let h = math::sqrt(v, half_chord2);
-    let minus_h = v.vsub(zero, h);
-    let a = along(v, u0, e, per_length);
-    let a = v.vmax(a, minus_h);
-    let a = v.vmin(a, h);
-    let b = along(v, u1, e, per_length);
-    let b = v.vmax(b, minus_h);
-    let b = v.vmin(b, h);
+    [v.vsub(zero, h), h]
+}
+
+/// The place `t` on a line, or the end of the `chord` that it is beyond.
+#[inline(always)]
+pub fn on_chord<V: Vpu>(v: &mut V, t: V::F32, chord: [V::F32; 2]) -> V::F32 {
+    let t = v.vmax(t, chord[0]);
+    v.vmin(t, chord[1])
+}
+
+/// Part of the unit disc beyond the stretch `a..b` of a chord at distance `d`, as [`sector_less_triangle`] has it: 0 outside the lanes
+/// returned, which are those of `live` where the stretch has any length. The constant 0 is the caller's.
+#[inline(always)]
+pub fn stretch<V: Vpu>(
+    v: &mut V,
+    live: V::Mask,
+    d: V::F32,
+    [a, b]: [V::F32; 2],
+    angle: Angle,
+    zero: V::F32,
+) -> (V::Mask, V::F32) {
     let live = v.vcmp_lt_masked(live, a, b);
     if !v.branch_any(live) {
         return (live, zero);
     }
-
     let f = sector_less_triangle(v, d, [a, b], angle);
     let f = v.vmax(f, zero);
     (live, v.vblend_f32(live, f, zero))

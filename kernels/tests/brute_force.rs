@@ -7,33 +7,14 @@ use lrbsim_isa::HostSimd;
 use lrbsim_kernels::field;
 use lrbsim_kernels::irregular::faces::FaceParameters;
 use lrbsim_kernels::record::Field;
+use lrbsim_kernels::sism::Overlap;
 use lrbsim_workloads::glam::DVec3;
 use lrbsim_workloads::reference::Occluders;
 use lrbsim_workloads::{Light, Mesh, ShadowInput};
 
 /// Runs both and compares the four sums of every receiver.
 fn agree(what: &str, input: &ShadowInput) -> Run {
-    let on = On::Host(HostSimd::detect(), 2);
-    let mut run = Run::new(input, on);
-    run.visibility();
-    let pipeline = run.sums();
-    let brute = run.brute_force(on);
-    assert_eq!(pipeline.len(), input.receivers.len(), "{what}: every receiver has its sums");
-    let different: Vec<_> =
-        brute.iter().filter(|(pixel, sums)| pipeline[*pixel] != **sums).map(|(&pixel, _)| pixel).collect();
-    if let Some(&pixel) = different.first() {
-        let at = input.receiver_pixel.iter().position(|&p| p == pixel).expect("a receiver");
-        panic!(
-            "{what}: {} of {} receivers differ; pixel {pixel} at {:?} (radius {}) has {:?}, brute force {:?}",
-            different.len(),
-            brute.len(),
-            input.receivers[at],
-            input.light_radius,
-            pipeline[&pixel],
-            brute[&pixel]
-        );
-    }
-    run
+    common::agree(what, input, Overlap::Sum)
 }
 
 #[test]

@@ -4,10 +4,9 @@ mod common;
 
 use common::{On, Random, Run, back_ends, cases, input, loops, of_loops, random_scene, shipped, sphere};
 use lrbsim_isa::HostSimd;
-use lrbsim_kernels::light::Outline;
 use lrbsim_kernels::sism::Overlap;
 use lrbsim_kernels::sism::bits::{places, turns};
-use lrbsim_workloads::glam::{DVec2, Vec3};
+use lrbsim_workloads::glam::{DVec2, DVec3, Vec3};
 use lrbsim_workloads::reference::Occluders;
 use lrbsim_workloads::{Light, ShadowInput};
 
@@ -23,7 +22,7 @@ fn turned(places: &[DVec2], turns: &[DVec2], pixel: u32) -> Vec<DVec2> {
 /// Compares the kernel with counts of single samples: nearly all receivers must have the same, none may be far off.
 fn agree(what: &str, input: &ShadowInput) {
     let occluders = Occluders::from_input(input);
-    let outline = Outline::of(&input.light_shape);
+    let outline = input.light_shape.outline();
     let turns = turns(outline);
     for (overlap, count) in BITS {
         let places = places(outline, count);
@@ -53,7 +52,17 @@ fn random_scenes_have_the_samples_covered_that_are() {
             agree(&format!("seed {seed}, radius {radius}"), &input(mesh.clone(), sphere(radius), &receivers));
         }
         let light = Light::Disc { center: Default::default(), normal: Random(seed).vector(), radius: 0.3 };
-        agree(&format!("disc, seed {seed}"), &input(mesh, light, &receivers));
+        agree(&format!("disc, seed {seed}"), &input(mesh.clone(), light, &receivers));
+        let (half_u, half_v) = (DVec3::new(0.3, 0.1, 0.0), DVec3::new(0.0, 0.05, -0.2));
+        let light = Light::Rect { center: DVec3::ZERO, half_u, half_v };
+        // In the plane of the light, but for rounding, it is a line, and its places are rounding.
+        let across = half_u.cross(half_v).normalize();
+        let (beside, within): (Vec<_>, Vec<_>) =
+            receivers.iter().copied().partition(|(p, _)| p.dot(across).abs() > 1e-5 * p.length());
+        assert!(within.len() <= 1, "seed {seed}: {} receivers in the plane of the light", within.len());
+        agree(&format!("rectangle, seed {seed}"), &input(mesh.clone(), light, &beside));
+        let light = Light::Linear { p0: -half_u, p1: half_u };
+        agree(&format!("line, seed {seed}"), &input(mesh, light, &receivers));
     }
 }
 

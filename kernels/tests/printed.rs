@@ -21,23 +21,7 @@ const PRINTED: Choices =
 
 /// Runs the kernels; every receiver must have the sums that all edges on its face give, bit by bit.
 fn agree(what: &str, input: &ShadowInput) -> Run {
-    let on = On::Host(HostSimd::detect(), 2);
-    let mut run = Run::with(input, PRINTED, on);
-    run.visibility();
-    let (pipeline, brute) = (run.sums(), run.brute_force(on));
-    let different: Vec<_> = brute.iter().filter(|(pixel, sums)| pipeline[*pixel] != **sums).collect();
-    if let Some((pixel, sums)) = different.first() {
-        let at = input.receiver_pixel.iter().position(|p| p == *pixel).expect("a receiver");
-        panic!(
-            "{what}: {} of {} receivers differ; pixel {pixel} at {:?} (radius {}) has {:?}, brute force {sums:?}",
-            different.len(),
-            brute.len(),
-            input.receivers[at],
-            input.light_radius,
-            pipeline[*pixel],
-        );
-    }
-    run
+    common::agree(what, input, PRINTED)
 }
 
 #[test]
@@ -100,13 +84,8 @@ fn no_edge_is_missed_by_far_lights_or_where_faces_meet() {
 fn only_rounding(name: &str, size: Option<(u32, u32)>) {
     let input = shipped(name, size).2;
     let run = Run::with(&input, PRINTED, On::Host(HostSimd::detect(), 2));
-    let kernels: Vec<f64> = run.visibility().into_iter().map(f64::from).collect();
     let truth = AsPrinted(&Occluders::from_input(&input)).visibility(&input);
-    let off = truth.iter().zip(&kernels).filter(|(a, b)| (*a - *b).abs() > 1e-3).count();
-    let metrics = ErrorMetrics::new(&truth, &kernels);
-    println!("{name}: {off} of {} receivers off by more than 1e-3; {metrics:?}", truth.len());
-    assert!(off * 2000 <= truth.len(), "{name}: {off} of {}", truth.len());
-    assert!(metrics.mean < 1e-5, "{name}: {metrics:?}");
+    common::only_rounding(name, &truth, &run.visibility());
 }
 
 #[test]

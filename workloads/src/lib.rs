@@ -35,7 +35,7 @@ pub use camera::{Camera, ImageSize};
 pub use export::{light_json, mesh_obj, scene_json};
 pub use eye::EyeView;
 pub use fit::{FitInfo, Fitted, fit_scene, fit_view};
-pub use light::{Light, LightShape};
+pub use light::{Light, LightShape, Outline};
 pub use mesh::{Bounds, Mesh, ObjectRange};
 pub use preview::Preview;
 pub use scene::{

@@ -196,7 +196,40 @@ pub enum LightShape {
     },
 }
 
+/// What the places on a light are that belong to it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Outline {
+    /// Those up to 1 from the middle.
+    Disc,
+    /// Those whose numbers are both in [-1, 1].
+    Square,
+    /// Those whose first number is in [-1, 1] and whose second is 0.
+    Line,
+}
+
+impl Outline {
+    /// Square of the distance of its farthest place from the middle.
+    #[must_use]
+    pub fn reach2(self) -> f32 {
+        match self {
+            Self::Disc | Self::Line => 1.0,
+            Self::Square => 2.0,
+        }
+    }
+}
+
 impl LightShape {
+    /// What places belong to a light of this shape: on a disc in radii, on a rectangle in its half sides, on a line in half lines
+    /// along it and aside.
+    #[must_use]
+    pub fn outline(&self) -> Outline {
+        match self {
+            Self::Facing | Self::Disc { .. } => Outline::Disc,
+            Self::Rect { .. } => Outline::Square,
+            Self::Line { .. } => Outline::Line,
+        }
+    }
+
     /// The shape with each of its vectors changed by `change`.
     #[must_use]
     pub fn map(self, change: impl Fn(DVec3) -> DVec3) -> Self {

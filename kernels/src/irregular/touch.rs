@@ -332,16 +332,7 @@ impl<V: Vpu> Touch<V> for Edge<V> {
         let reach = v.vload_f32(nodes.column(field!(Node.reach)), at);
         let zero = v.vset_f32(0.0);
         let slack = v.vset_f32(IMAGE_SLACK);
-
-        // Distance of the rectangles from the edge's image, at least.
-        let distance2 = self.distance2(v, [rectangles.x, rectangles.y]);
-        let distance = math::sqrt(v, distance2);
-        let half2 = v.vmul(rectangles.half_y, rectangles.half_y);
-        let half2 = v.vmadd(rectangles.half_x, rectangles.half_x, half2);
-        let half = math::sqrt(v, half2);
-        let half = v.vadd(half, slack);
-        let distance = v.vsub(distance, half);
-        let distance = v.vmax(distance, zero);
+        let distance = self.least_distance(v, &rectangles, slack, zero);
 
         // Half width of the penumbra at the deepest receiver, at most.
         let more = v.vset_f32(1.0 + WIDTH_SLACK);
@@ -486,15 +477,7 @@ impl<V: Vpu> Edge<V> {
         live: Option<V::Mask>,
     ) -> (V::Mask, V::F32) {
         let zero = v.vset_f32(0.0);
-        // Distance of the rectangles from the edge's image, at least.
-        let distance2 = self.distance2(v, [rectangles.x, rectangles.y]);
-        let distance = math::sqrt(v, distance2);
-        let half2 = v.vmul(rectangles.half_y, rectangles.half_y);
-        let half2 = v.vmadd(rectangles.half_x, rectangles.half_x, half2);
-        let half = math::sqrt(v, half2);
-        let half = v.vadd(half, slack);
-        let distance = v.vsub(distance, half);
-        let distance = v.vmax(distance, zero);
+        let distance = self.least_distance(v, rectangles, slack, zero);
 
         // Half width of the penumbra at the deepest receiver, at most [algorithms, 2.7].
         let wide = v.vadd(self.near_width, slack);
@@ -505,6 +488,19 @@ impl<V: Vpu> Edge<V> {
         let touched = v.vcmp_gt_masked(touched, rectangles.depth, zero);
         let left = v.vsub(wide, distance);
         (touched, wedge_start(v, self.far_width, left))
+    }
+
+    /// Distance of 16 rectangles from the edge's image, at least: positions are off by up to `slack`. The constant 0 is the caller's.
+    #[inline(always)]
+    fn least_distance(&self, v: &mut V, rectangles: &Rectangles<V>, slack: V::F32, zero: V::F32) -> V::F32 {
+        let distance2 = self.distance2(v, [rectangles.x, rectangles.y]);
+        let distance = math::sqrt(v, distance2);
+        let half2 = v.vmul(rectangles.half_y, rectangles.half_y);
+        let half2 = v.vmadd(rectangles.half_x, rectangles.half_x, half2);
+        let half = math::sqrt(v, half2);
+        let half = v.vadd(half, slack);
+        let distance = v.vsub(distance, half);
+        v.vmax(distance, zero)
     }
 
     /// Squared distance of 16 points from the edge's image.

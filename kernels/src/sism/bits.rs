@@ -16,6 +16,7 @@
 #![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
 
 use lrbsim_isa::{Addr, Arena, Compare, Kernel, Runner, Stacked, Step, Stopped, Vpu};
+use lrbsim_workloads::Outline;
 use lrbsim_workloads::glam::DVec2;
 use lrbsim_workloads::reference::spiral;
 
@@ -30,7 +31,7 @@ use crate::irregular::primitives::{BACK, EdgeRecord, FRONT, Kind, Primitives};
 use crate::irregular::raster::CellRecord;
 use crate::irregular::receivers::Receiver;
 use crate::irregular::run::{Runs, Samples, Shade, Split, Walk};
-use crate::light::{Outline, View};
+use crate::light::View;
 use crate::plane::side;
 use crate::record::Record;
 use crate::scene::fill;
@@ -66,7 +67,7 @@ pub fn cover(
     sums: Columns<Sums>,
     runner: &mut Runner<'_>,
 ) -> Result<(), Stopped> {
-    let outline = Outline::of(&primitives.light.shape);
+    let outline = primitives.light.shape.outline();
     let bits = Bits {
         walk,
         groups,

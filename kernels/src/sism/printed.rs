@@ -17,7 +17,7 @@
 
 #![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
 
-use lrbsim_isa::{Addr, Compare, Kernel, Runner, Step, Stopped, Vpu, math};
+use lrbsim_isa::{Addr, Compare, Kernel, Runner, Step, Stopped, Vpu};
 
 use crate::columns::{Columns, lanes_below, task_range};
 use crate::expression::{each, int, scalar};
@@ -30,7 +30,7 @@ use crate::irregular::touch::{self, FaceFrame};
 use crate::irregular::{FACES, FAR};
 use crate::plane::Vec3;
 use crate::record::{Field, Record, Records, words};
-use crate::segment::{Angle, sector_less_triangle};
+use crate::segment::{Angle, chord, on_chord, stretch};
 
 /// Number of edges that a task handles.
 const TASK: u32 = 256;
@@ -194,26 +194,14 @@ fn part<V: Vpu>(
         return (live, zero);
     }
 
-    // The ends of the edge, from the foot of the perpendicular, cut to the half chord.
-    let below = v.vsub(one, d);
-    let above = v.vadd(one, d);
-    let half_chord2 = v.vmul(below, above);
-    let h = math::sqrt(v, half_chord2);
-    let minus_h = v.vsub(zero, h);
+    // The ends of the edge, from the foot of the perpendicular.
+    let chord = chord(v, d, [zero, one]);
     let a = v.vnmadd(foot, per_radius, zero);
-    let a = v.vmax(a, minus_h);
-    let a = v.vmin(a, h);
+    let a = on_chord(v, a, chord);
     let left = v.vsub(length, foot);
     let b = v.vmul(left, per_radius);
-    let b = v.vmax(b, minus_h);
-    let b = v.vmin(b, h);
-    let live = v.vcmp_lt_masked(live, a, b);
-    if !v.branch_any(live) {
-        return (live, zero);
-    }
-    let f = sector_less_triangle(v, d, [a, b], angle);
-    let f = v.vmax(f, zero);
-    (live, v.vblend_f32(live, f, zero))
+    let b = on_chord(v, b, chord);
+    stretch(v, live, d, [a, b], angle, zero)
 }
 
 /// Finds the images of edges on the faces that see receivers.

@@ -23,6 +23,7 @@ use lrbsim_kernels::sism::printed::Printed;
 use lrbsim_kernels::sism::{self, Arrays, Choices, Overlap, Sums, hard::count_layers, soft};
 use lrbsim_workloads::adjacency::prepare;
 use lrbsim_workloads::glam::{DVec2, DVec3, Vec3};
+use lrbsim_workloads::reference::ErrorMetrics;
 use lrbsim_workloads::{Adjacency, Counting, EyeView, Light, Mesh, Scene, ShadowInput, load_scene};
 use serde_json::Value;
 
@@ -505,4 +506,38 @@ pub fn of_loops(loops: &[Vec<DVec2>], nudge: DVec2) -> ShadowInput {
     let mut input = input_of_prepared(polygons(&corners), light, &[(nudge.extend(2.0), u32::MAX)]);
     input.counting.fill(Counting::Shell);
     input
+}
+
+/// Runs the kernels; every receiver must have the sums that all its edges and triangles give, bit by bit.
+pub fn agree(what: &str, input: &ShadowInput, choices: impl Into<Choices>) -> Run {
+    let on = On::Host(HostSimd::detect(), 2);
+    let mut run = Run::with(input, choices, on);
+    run.visibility();
+    let (pipeline, brute) = (run.sums(), run.brute_force(on));
+    assert_eq!(pipeline.len(), input.receivers.len(), "{what}: every receiver has its sums");
+    let different: Vec<_> = brute.iter().filter(|(pixel, sums)| pipeline[*pixel] != **sums).collect();
+    if let Some((pixel, sums)) = different.first() {
+        let at = input.receiver_pixel.iter().position(|p| p == *pixel).expect("a receiver");
+        panic!(
+            "{what}: {} of {} receivers differ; pixel {pixel} at {:?} (radius {}) has {:?}, brute force {sums:?}",
+            different.len(),
+            brute.len(),
+            input.receivers[at],
+            input.light_radius,
+            pipeline[*pixel],
+        );
+    }
+    run
+}
+
+/// Only rounding parts the kernels from `truth` in f64: next to none of the receivers is off by more than 1e-3, and the mean is
+/// below 1e-5.
+pub fn only_rounding(name: &str, truth: &[f64], kernels: &[f32]) {
+    let kernels: Vec<f64> = kernels.iter().copied().map(f64::from).collect();
+    let off = truth.iter().zip(&kernels).filter(|(a, b)| (*a - *b).abs() > 1e-3).count();
+    let metrics = ErrorMetrics::new(truth, &kernels);
+    println!("{name}: {off} of {} receivers off by more than 1e-3; {metrics:?}", truth.len());
+    // A receiver within rounding of a triangle's edge or plane may fall to either side.
+    assert!(off * 2000 <= truth.len(), "{name}: {off} of {}", truth.len());
+    assert!(metrics.mean < 1e-5, "{name}: {metrics:?}");
 }

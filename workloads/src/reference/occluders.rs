@@ -7,7 +7,7 @@ use super::hard::{greatest_t, hard_test, is_left};
 use super::segment::{area_beyond, line_beyond, square_beyond};
 use crate::adjacency::{Adjacency, Counting, EdgeWeights, Stance, counts, stances};
 use crate::eye::EyeView;
-use crate::light::{Light, LightShape, dual};
+use crate::light::{Light, LightShape, Outline, dual};
 use crate::mesh::Mesh;
 use crate::shadow_input::ShadowInput;
 
@@ -30,15 +30,7 @@ pub struct Projection {
     /// Place of the foot of the perpendicular from the receiver on the light's plane.
     foot: DVec2,
     distance: f64,
-    area: Area,
-}
-
-/// What places belong to a light.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Area {
-    Disc,
-    Square,
-    Line,
+    outline: Outline,
 }
 
 impl Projection {
@@ -48,22 +40,22 @@ impl Projection {
         let away = |normal: DVec3| if normal.dot(p) > 0.0 { -normal } else { normal };
         let disc = |axis: DVec3| {
             let (u, v) = axis.any_orthonormal_pair();
-            (axis, [u * radius, v * radius], [u / radius, v / radius], Area::Disc)
+            (axis, [u * radius, v * radius], [u / radius, v / radius])
         };
-        let (axis, units, along, area) = match shape {
+        let (axis, units, along) = match shape {
             LightShape::Facing => disc(-p.normalize()),
             LightShape::Disc { normal } => disc(away(normal)),
             LightShape::Rect { halves: [u, v] } => {
                 // Turned around with the axis: from either side, left of an edge is left of it.
                 let v = if u.cross(v).dot(p) > 0.0 { -v } else { v };
-                (u.cross(v).normalize(), [u, v], dual(u, v), Area::Square)
+                (u.cross(v).normalize(), [u, v], dual(u, v))
             }
             LightShape::Line { half } => {
                 let beside = p - half * (p.dot(half) / half.length_squared());
                 let axis = -beside.normalize_or(half.any_orthonormal_vector());
                 let aside = axis.cross(half);
                 let per_square = half.length_squared().recip();
-                (axis, [half, aside], [half * per_square, aside * per_square], Area::Line)
+                (axis, [half, aside], [half * per_square, aside * per_square])
             }
         };
         // A disc that faces the receiver has it straight ahead: leave the rounding of that out.
@@ -72,7 +64,7 @@ impl Projection {
             LightShape::Line { .. } => DVec2::new(p.dot(along[0]), 0.0),
             _ => DVec2::from(along.map(|along| p.dot(along))),
         };
-        Self { p, axis, units, along, foot, distance: -p.dot(axis), area }
+        Self { p, axis, units, along, foot, distance: -p.dot(axis), outline: shape.outline() }
     }
 
     /// Place of `v` on the light; `v` must lie between receiver and light.
@@ -89,10 +81,10 @@ impl Projection {
 
     /// Part of the light beyond the edge `u0 u1`, inside the wedge that the edge subtends at the light's middle.
     fn part_beyond(&self, u0: DVec2, u1: DVec2) -> f64 {
-        match self.area {
-            Area::Disc => area_beyond(u0, u1),
-            Area::Square => square_beyond(u0, u1),
-            Area::Line => line_beyond(u0, u1),
+        match self.outline {
+            Outline::Disc => area_beyond(u0, u1),
+            Outline::Square => square_beyond(u0, u1),
+            Outline::Line => line_beyond(u0, u1),
         }
     }
 
@@ -102,7 +94,7 @@ impl Projection {
     }
 
     /// Part of the light beyond the plane through the receiver across `normal`, seen from the light's middle.
-    pub(super) fn beyond_plane(&self, normal: DVec3) -> f64 {
+    fn beyond_plane(&self, normal: DVec3) -> f64 {
         let (slope, offset) = self.slope(normal);
         let distance = offset / slope.length();
         // A plane in which the light lies, and what is no plane, has no distance.
@@ -135,23 +127,23 @@ impl Projection {
 }
 
 #[derive(Clone, Copy)]
-pub(super) struct Face {
-    pub(super) index: [u32; 3],
-    pub(super) front: i32,
-    pub(super) back: i32,
+struct Face {
+    index: [u32; 3],
+    front: i32,
+    back: i32,
 }
 
-pub(super) struct Silhouette {
-    pub(super) v: [u32; 2],
-    pub(super) weights: EdgeWeights,
+struct Silhouette {
+    v: [u32; 2],
+    weights: EdgeWeights,
 }
 
 /// All that casts shadows, about a light at the origin, in f64.
 pub struct Occluders {
-    pub(super) vertices: Vec<DVec3>,
+    vertices: Vec<DVec3>,
     /// All faces, by number; those that are no layer have no weight.
-    pub(super) faces: Vec<Face>,
-    pub(super) edges: Vec<Silhouette>,
+    faces: Vec<Face>,
+    edges: Vec<Silhouette>,
     pub(super) radius: f64,
     shape: LightShape,
 }
@@ -242,7 +234,7 @@ impl Occluders {
     }
 
     /// Layers in F and B between receiver `p` (light-centred) and the middle of the light, the umbra.
-    pub(super) fn layers(&self, p: DVec3, own: u32) -> EdgeWeights {
+    fn layers(&self, p: DVec3, own: u32) -> EdgeWeights {
         let mut layers = EdgeWeights::default();
         for (face, id) in self.faces.iter().zip(0_u32..) {
             if id == own || (face.front == 0 && face.back == 0) {
@@ -264,6 +256,18 @@ impl Occluders {
     /// The sums (F, B) at receiver `p` (light-centred), not clamped; the triangle `own` does not shadow it.
     #[must_use]
     pub fn sums(&self, p: DVec3, own: u32) -> (f64, f64) {
+        self.sums_of(p, own, |projection, v0, v1| {
+            projection.edge(v0, v1).map_or(0.0, |[u0, u1]| projection.part_beyond(u0, u1))
+        })
+    }
+
+    /// [`Occluders::sums`], `part` being what part of the light lies beyond the edge between two points, unsigned.
+    pub(super) fn sums_of(
+        &self,
+        p: DVec3,
+        own: u32,
+        part: impl Fn(&Projection, DVec3, DVec3) -> f64,
+    ) -> (f64, f64) {
         let layers = self.layers(p, own);
         let (mut front, mut back) = (f64::from(layers.front), f64::from(layers.back));
         // Penumbra: what each silhouette takes from the layers or adds to them.
@@ -271,8 +275,7 @@ impl Occluders {
             let projection = Projection::new(p, self.radius, self.shape);
             for edge in &self.edges {
                 let [v0, v1] = edge.v.map(|v| self.vertices[v as usize]);
-                let Some([u0, u1]) = projection.edge(v0, v1) else { continue };
-                let area = projection.part_beyond(u0, u1);
+                let area = part(&projection, v0, v1);
                 if area != 0.0 {
                     let signed = if is_left(p, v0, v1) { -area } else { area };
                     front += signed * f64::from(edge.weights.front);
@@ -290,8 +293,9 @@ impl Occluders {
         (front, back)
     }
 
-    /// How many of some samples of the light, places on what receiver `p` sees of it, are covered: those before which there is a layer of F or of B. Counts each by itself: layers before the middle of the light, and from there one more or
-    /// less at each silhouette that the way to the sample crosses.
+    /// How many of some samples of the light, places on what receiver `p` sees of it, are covered: those before which there is a
+    /// layer of F or of B. Counts each by itself: layers before the middle of the light, and from there one more or less at each
+    /// silhouette that the way to the sample crosses.
     #[must_use]
     pub fn covered_samples(&self, p: DVec3, own: u32, places: &[DVec2]) -> usize {
         let middle = self.layers(p, own);
@@ -332,8 +336,7 @@ impl Occluders {
     /// positive, something else covers that.
     #[must_use]
     pub fn coverage_at(&self, p: DVec3, own: u32) -> f64 {
-        let (front, back) = self.sums(p, own);
-        front.abs().max(back.abs()).max((front - back).abs()).min(1.0)
+        covered(self.sums(p, own))
     }
 
     /// Visible part of the light, in [0, 1], at receiver `p`.
@@ -345,12 +348,7 @@ impl Occluders {
     /// Visibility of each receiver of `input`, which these occluders were made from.
     #[must_use]
     pub fn visibility(&self, input: &ShadowInput) -> Vec<f64> {
-        input
-            .receivers
-            .par_iter()
-            .zip(&input.receiver_triangle)
-            .map(|(&p, &own)| self.visibility_at(glam::Vec3::from(p).as_dvec3(), own))
-            .collect()
+        of_receivers(input, |p, own| self.visibility_at(p, own))
     }
 
     /// Visibility of each receiver of a view of the mesh, in f64 throughout.
@@ -364,4 +362,15 @@ impl Occluders {
             .map(|(&p, &t)| self.visibility_at(p - center, own(t)))
             .collect()
     }
+}
+
+/// Covered part of the light, in [0, 1], that the sums F and B make, see [`Occluders::coverage_at`].
+pub(super) fn covered((front, back): (f64, f64)) -> f64 {
+    front.abs().max(back.abs()).max((front - back).abs()).min(1.0)
+}
+
+/// What `of` has for each receiver of `input`, by its place and its triangle.
+pub(super) fn of_receivers(input: &ShadowInput, of: impl Fn(DVec3, u32) -> f64 + Sync) -> Vec<f64> {
+    let receivers = input.receivers.par_iter().zip(&input.receiver_triangle);
+    receivers.map(|(&p, &own)| of(glam::Vec3::from(p).as_dvec3(), own)).collect()
 }

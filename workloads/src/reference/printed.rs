@@ -1,12 +1,9 @@
 //! The printed form by brute force.
 
 use glam::{DVec2, DVec3};
-use rayon::prelude::*;
 
-use super::hard::is_left;
-use super::occluders::{Occluders, Projection};
+use super::occluders::{Occluders, covered, of_receivers};
 use super::segment::area_beyond;
-use crate::light::LightShape;
 use crate::shadow_input::ShadowInput;
 
 /// Part of an edge's least distance from the light below which its points leave the image plane. They touch no receiver of a 90 degree
@@ -98,45 +95,18 @@ impl AsPrinted<'_> {
     /// The sums (F, B) at receiver `p` (light-centred), which lies on triangle `own`, not clamped.
     #[must_use]
     pub fn sums(&self, p: DVec3, own: u32, plane: ImagePlane) -> (f64, f64) {
-        let Occluders { vertices, faces, edges, radius, .. } = self.0;
-        let layers = self.0.layers(p, own);
-        let (mut front, mut back) = (f64::from(layers.front), f64::from(layers.back));
-        if *radius > 0.0 {
-            for edge in edges {
-                let [v0, v1] = edge.v.map(|v| vertices[v as usize]);
-                let area = self.part(p, plane, v0, v1);
-                let signed = if is_left(p, v0, v1) { -area } else { area };
-                front += signed * f64::from(edge.weights.front);
-                back += signed * f64::from(edge.weights.back);
-            }
-            if let Some(face) = faces.get(own as usize) {
-                let [a, b, c] = face.index.map(|v| vertices[v as usize]);
-                let area = Projection::new(p, *radius, LightShape::Facing).beyond_plane((b - a).cross(c - a));
-                front += area * f64::from(face.front);
-                back += area * f64::from(face.back);
-            }
-        }
-        (front, back)
+        self.0.sums_of(p, own, |_, v0, v1| self.part(p, plane, v0, v1))
     }
 
     /// Visible part of the light, in [0, 1], at receiver `p`, see [`Occluders::coverage_at`].
     #[must_use]
     pub fn visibility_at(&self, p: DVec3, own: u32, plane: ImagePlane) -> f64 {
-        let (front, back) = self.sums(p, own, plane);
-        1.0 - front.abs().max(back.abs()).max((front - back).abs()).min(1.0)
+        1.0 - covered(self.sums(p, own, plane))
     }
 
     /// Visibility of each receiver of `input`, which the occluders were made from, on the image plane of its face.
     #[must_use]
     pub fn visibility(&self, input: &ShadowInput) -> Vec<f64> {
-        input
-            .receivers
-            .par_iter()
-            .zip(&input.receiver_triangle)
-            .map(|(&p, &own)| {
-                let p = glam::Vec3::from(p).as_dvec3();
-                self.visibility_at(p, own, ImagePlane::of_face(p))
-            })
-            .collect()
+        of_receivers(input, |p, own| self.visibility_at(p, own, ImagePlane::of_face(p)))
     }
 }

@@ -40,6 +40,7 @@ pub fn area_beyond(u0: DVec2, u1: DVec2) -> f64 {
     let theta = libm::atan2(d * (b - a), d * d + a * b);
     (theta - d * (b - a)) / core::f64::consts::TAU
 }
+
 /// Part of the square of all places from -1 to 1 beyond the edge `u0 u1`, inside the wedge that the edge subtends at its middle.
 ///
 /// In [0, 1/2]; unsigned. What of the edge lies in the square is cut out: its wedge's part of the square, less the triangle
