@@ -3,9 +3,9 @@
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-use super::hard::{greatest_t, hard_test, is_left};
+use super::hard::{greatest_t, hard_test, is_left, plane_slack};
 use super::segment::area_beyond;
-use crate::adjacency::{Adjacency, Counting, EdgeWeights, Stance, counts, stances};
+use crate::adjacency::{Adjacency, Aspect, Counting, CutTriangle, EdgeWeights, Stance, counts};
 use crate::eye::EyeView;
 use crate::light::Light;
 use crate::mesh::Mesh;
@@ -86,6 +86,60 @@ impl Projection {
         };
         Some([self.on_disc(clip(q0, h0)), self.on_disc(clip(q1, h1))])
     }
+
+    /// What of a triangle lies between receiver and light, as a polygon on the disc: it runs to the left where the triangle, as its
+    /// corners run, is entered on the way from the light to the receiver. Empty where none of it does, and for a receiver that
+    /// lies in the triangle's plane, but for rounding.
+    fn polygon(&self, corners: [DVec3; 3]) -> Vec<DVec2> {
+        let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+        let side = (self.p - corners[0]).dot(normal);
+        if self.distance <= f64::EPSILON * self.p.length() || side.abs() <= plane_slack(corners) {
+            return Vec::new();
+        }
+        // Heights over the plane of the light count from there, so that they keep their digits near it.
+        let mut polygon: Vec<(DVec3, f64)> = corners.map(|v| (v - self.p, v.dot(self.axis))).to_vec();
+        let low = (CLIP_EPS - 1.0) * self.distance;
+        for (bound, sign) in [(low, 1.0), (0.0, -1.0)] {
+            let inside = |height: f64| (height - bound) * sign >= 0.0;
+            let mut clipped = Vec::new();
+            for (i, &(q, height)) in polygon.iter().enumerate() {
+                let (next, next_height) = polygon[(i + 1) % polygon.len()];
+                if inside(height) {
+                    clipped.push((q, height));
+                }
+                if inside(height) != inside(next_height) {
+                    clipped.push((q + (next - q) * ((bound - height) / (next_height - height)), bound));
+                }
+            }
+            polygon = clipped;
+        }
+        polygon.into_iter().map(|(q, _)| self.on_disc(q)).collect()
+    }
+}
+
+/// Part of the unit disc in a polygon, negative where it runs to the right.
+fn area_in(polygon: &[DVec2]) -> f64 {
+    let mut area = 0.0;
+    for (i, &a) in polygon.iter().enumerate() {
+        let b = polygon[(i + 1) % polygon.len()];
+        let left = a.perp_dot(b) >= 0.0;
+        area += if left { -area_beyond(a, b) } else { area_beyond(a, b) };
+        // How often it runs around the middle: crossings of the ray towards +x.
+        if (a.y <= 0.0) != (b.y <= 0.0) && left == (b.y > a.y) {
+            area += if left { 1.0 } else { -1.0 };
+        }
+    }
+    area
+}
+
+/// Whether a convex polygon holds a place.
+fn holds(polygon: &[DVec2], place: DVec2) -> bool {
+    let side = |i: usize| {
+        let (a, b) = (polygon[i], polygon[(i + 1) % polygon.len()]);
+        (b - a).perp_dot(place - a)
+    };
+    let sides = || (0..polygon.len()).map(side);
+    !polygon.is_empty() && (sides().all(|x| x >= 0.0) || sides().all(|x| x <= 0.0))
 }
 
 #[derive(Clone, Copy)]
@@ -106,6 +160,10 @@ pub struct Occluders {
     /// All faces, by number; those that are no layer have no weight.
     faces: Vec<Face>,
     edges: Vec<Silhouette>,
+    /// Faces that the light is cut by, which are no layers and on no edge.
+    cut: Vec<CutTriangle>,
+    /// What is taken for the middle of the light, in the world; the origin for occluders made of a kernel's input.
+    middle: DVec3,
     radius: f64,
     normal: Option<DVec3>,
 }
@@ -120,6 +178,7 @@ impl Occluders {
             |e: usize| &input.edge_faces[input.edge_first[e] as usize..input.edge_first[e + 1] as usize];
         let rows: Vec<&[u32]> = (0..input.edges.len()).map(row).collect();
         let mut made = Self::make(vertices, &input.triangles, &input.counting, &input.edges, &rows);
+        made.cut.clone_from(&input.cut);
         made.radius = f64::from(input.light_radius);
         made.normal = input.light_normal.map(|n| glam::Vec3::from(n).as_dvec3().normalize());
         made
@@ -128,8 +187,7 @@ impl Occluders {
     /// The occluders made of a prepared mesh, without rounding to f32.
     #[must_use]
     pub fn from_mesh(mesh: &Mesh, adjacency: &Adjacency, light: &Light) -> Self {
-        let center = light.center();
-        let stance = stances(mesh, adjacency, center);
+        let Aspect { middle, stance, counting, cut, .. } = Aspect::new(light, mesh, adjacency);
         let triangles: Vec<[u32; 3]> = (0..mesh.triangles.len())
             .map(|t| {
                 let counts = adjacency.component[t] != crate::adjacency::NO_COMPONENT;
@@ -141,8 +199,10 @@ impl Occluders {
             adjacency.edge_faces.iter().map(|&face| stance[(face >> 1) as usize].side(face)).collect();
         let row = |e: usize| &turned[adjacency.edge_first[e] as usize..adjacency.edge_first[e + 1] as usize];
         let rows: Vec<&[u32]> = (0..adjacency.edges.len()).map(row).collect();
-        let vertices = mesh.positions.iter().map(|&p| p - center).collect();
-        let mut made = Self::make(vertices, &triangles, &adjacency.counting, &adjacency.edges, &rows);
+        let vertices = mesh.positions.iter().map(|&p| p - middle).collect();
+        let mut made = Self::make(vertices, &triangles, &counting, &adjacency.edges, &rows);
+        made.cut = cut;
+        made.middle = middle;
         made.radius = light.disc_radius();
         made.normal = light.disc_normal();
         made
@@ -183,7 +243,13 @@ impl Occluders {
             })
             .filter(|edge| edge.weights.is_silhouette())
             .collect();
-        Self { vertices, faces, edges, radius: 0.0, normal: None }
+        Self { vertices, faces, edges, cut: Vec::new(), middle: DVec3::ZERO, radius: 0.0, normal: None }
+    }
+
+    /// What is taken for the middle of the light, in the world: the origin of receivers.
+    #[must_use]
+    pub fn middle(&self) -> DVec3 {
+        self.middle
     }
 
     /// Edges with a weight other than 0.
@@ -237,8 +303,23 @@ impl Occluders {
                 front += area * f64::from(face.front);
                 back += area * f64::from(face.back);
             }
+            // Faces that the light is cut by: each for itself, whichever side of it the middle is on.
+            for (polygon, counting) in self.cut_polygons(&projection, own) {
+                let area = area_in(&polygon);
+                let sheet = counting == Counting::Sheet;
+                front += if sheet { area.abs() } else { area.max(0.0) };
+                back += if sheet { area.abs() } else { (-area).max(0.0) };
+            }
         }
         (front, back)
+    }
+
+    /// Faces that the light is cut by, but for the triangle `own`, as polygons on the disc.
+    fn cut_polygons(&self, projection: &Projection, own: u32) -> impl Iterator<Item = (Vec<DVec2>, Counting)> {
+        let others = self.cut.iter().filter(move |face| face.number != own);
+        others.map(|face| {
+            (projection.polygon(face.corners.map(|v| self.vertices[v as usize])), face.counting)
+        })
     }
 
     /// How many of some samples of the light, on the unit disc that receiver `p` sees, are covered: those before which there
@@ -275,7 +356,9 @@ impl Occluders {
                 }
             }
         }
-        counts.iter().filter(|count| count.is_silhouette()).count()
+        let cut: Vec<_> = self.cut_polygons(&projection, own).map(|(polygon, _)| polygon).collect();
+        let is_cut = |place: &DVec2| cut.iter().any(|polygon| holds(polygon, *place));
+        places.iter().zip(&counts).filter(|(place, count)| count.is_silhouette() || is_cut(place)).count()
     }
 
     /// Covered part of the light, in [0, 1], at receiver `p`: `min(max(|F|, |B|, |F - B|), 1)`.
@@ -308,13 +391,12 @@ impl Occluders {
 
     /// Visibility of each receiver of a view of the mesh, in f64 throughout.
     #[must_use]
-    pub fn visibility_of_view(&self, adjacency: &Adjacency, light: &Light, eye: &EyeView) -> Vec<f64> {
-        let center = light.center();
+    pub fn visibility_of_view(&self, adjacency: &Adjacency, eye: &EyeView) -> Vec<f64> {
         let own = |t: u32| adjacency.stands_for[t as usize];
         eye.points
             .par_iter()
             .zip(&eye.triangles)
-            .map(|(&p, &t)| self.visibility_at(p - center, own(t)))
+            .map(|(&p, &t)| self.visibility_at(p - self.middle, own(t)))
             .collect()
     }
 }

@@ -1,0 +1,161 @@
+//! What a light with an extent makes of a mesh: what it sees from its middle, and what it reaches into.
+//!
+//! Silhouettes are those that the middle of the light sees, and a layer is what lies between the middle and a receiver. Of a
+//! light that a face reaches into, parts lie beyond that face, where both say nothing. Such faces are taken out of the mesh
+//! and listed: what each hides of the light is found for each receiver by itself, as the area of a polygon, whichever side
+//! of it the middle is on. The rest of the mesh then keeps clear of the light, and ends where these faces were.
+
+use glam::DVec3;
+
+use super::silhouette::{Stance, stances};
+use super::{Adjacency, Counting, is_degenerate};
+use crate::light::Light;
+use crate::mesh::Mesh;
+
+/// Triangles that a light is cut by, at most: every one is looked at from every receiver. The nearest are taken.
+pub const CUT_TRIANGLES_MAX: usize = 64;
+
+/// How far the middle of a light is moved off planes that it lies in exactly, in radii: more than f32 takes points off their
+/// planes in most scenes, and little enough to move no shadow by a hundred-thousandth of the light.
+const OFF_PLANE: f64 = 1.0 / (1 << 16) as f64;
+
+/// A triangle that the light is cut by.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct CutTriangle {
+    /// Number of the triangle in its mesh.
+    pub number: u32,
+    /// Its corners, as the mesh has them.
+    pub corners: [u32; 3],
+    /// Counting rule of its body: of a sheet it hides light in both sums, of a shell in F where it is entered on the way from the
+    /// light to the receiver and in B where it is left.
+    pub counting: Counting,
+}
+
+/// A mesh as a light has it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Aspect {
+    /// The place that is taken for the middle of the light: the middle, or next to it where that lies exactly in the plane of a
+    /// face, which would be seen edge-on from there and hide nothing.
+    pub middle: DVec3,
+    /// How each triangle counts from the middle.
+    pub stance: Vec<Stance>,
+    /// The counting rule of each triangle. A closed body that the light reaches into is a shell: from the parts of the light
+    /// within it, it is left and not entered.
+    pub counting: Vec<Counting>,
+    /// The triangles that the light is cut by, by number; no more than [`CUT_TRIANGLES_MAX`].
+    pub cut: Vec<CutTriangle>,
+    /// Number of further triangles that the light is cut by, which count as if it was not.
+    pub cut_left: usize,
+}
+
+impl Aspect {
+    /// The aspect of `mesh`, which `adjacency` is of, for `light`.
+    #[must_use]
+    pub fn new(light: &Light, mesh: &Mesh, adjacency: &Adjacency) -> Self {
+        let mut counting = adjacency.counting.clone();
+        let radius = light.disc_radius();
+        if radius == 0.0 {
+            let middle = light.center();
+            let stance = stances(mesh, adjacency, middle);
+            return Self { middle, stance, counting, cut: Vec::new(), cut_left: 0 };
+        }
+        let (cut, cut_left) = cut(light, mesh, adjacency);
+        let middle = off_planes(light, mesh, adjacency, &cut);
+        let mut stance = stances(mesh, adjacency, middle);
+
+        // Bodies that the light reaches into have no one side that looks at it.
+        let mut bodies: Vec<u32> = cut.iter().map(|t| adjacency.component[*t as usize]).collect();
+        bodies.sort_unstable();
+        bodies.dedup();
+        if !bodies.is_empty() {
+            for (t, body) in adjacency.component.iter().enumerate() {
+                if counting[t] == Counting::Closed && bodies.binary_search(body).is_ok() {
+                    counting[t] = Counting::Shell;
+                    if stance[t] == Stance::TurnedOver {
+                        stance[t] = Stance::AsItRuns;
+                    }
+                }
+            }
+        }
+        for &t in &cut {
+            stance[t as usize] = Stance::Cut;
+        }
+        let triangle = |number: u32| {
+            let t = number as usize;
+            CutTriangle { number, corners: mesh.triangles[t], counting: counting[t] }
+        };
+        let cut = cut.into_iter().map(triangle).collect();
+        Self { middle, stance, counting, cut, cut_left }
+    }
+}
+
+/// Whether a triangle counts at all.
+fn is_listed(mesh: &Mesh, adjacency: &Adjacency, t: usize) -> bool {
+    adjacency.stands_for[t] as usize == t && !is_degenerate(mesh, t)
+}
+
+/// The triangles that the light is cut by, ascending, and how many there are beyond the greatest number.
+fn cut(light: &Light, mesh: &Mesh, adjacency: &Adjacency) -> (Vec<u32>, usize) {
+    let (center, radius) = (light.center(), light.disc_radius());
+    let mut near: Vec<(f64, u32)> = Vec::new();
+    for t in 0..mesh.triangles.len() {
+        let corners = mesh.corners(t);
+        let [a, b, c] = corners.map(|p| p - center);
+        // Most triangles are far from the light by their bounds.
+        let apart = a.min(b).min(c).max_element().max(-a.max(b).max(c).min_element());
+        if apart < radius && is_listed(mesh, adjacency, t) {
+            let distance = light.distance_to(corners);
+            if distance < radius {
+                near.push((distance, t as u32));
+            }
+        }
+    }
+    near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    let left = near.len().saturating_sub(CUT_TRIANGLES_MAX);
+    near.truncate(CUT_TRIANGLES_MAX);
+    let mut cut: Vec<u32> = near.into_iter().map(|(_, t)| t).collect();
+    cut.sort_unstable();
+    (cut, left)
+}
+
+/// The middle of the light; a hair beside it where it lies exactly in the plane of a face other than those in `cut`.
+///
+/// A face that is seen edge-on hides nothing of the middle and nearly half of the light from beside its plane. Moved off the
+/// plane, the middle sees it as any other, and receivers on that plane, too, have the light on one side of it. A disc that
+/// does not turn moves within its own plane: it must not get behind the face that it lies in.
+fn off_planes(light: &Light, mesh: &Mesh, adjacency: &Adjacency, cut: &[u32]) -> DVec3 {
+    let center = light.center();
+    let across = light.disc_normal();
+    let edge_on = |t: usize| {
+        let [a, b, c] = mesh.corners(t).map(|p| p - center);
+        let normal = (b - a).cross(c - a);
+        let terms = a.abs().dot(normal.abs());
+        if a.dot(normal).abs() > 8.0 * f64::EPSILON * terms {
+            return None;
+        }
+        let normal = normal.try_normalize()?;
+        let coplanar = across.is_some_and(|across| across.cross(normal).length() < 1e-9);
+        let counts = is_listed(mesh, adjacency, t) && cut.binary_search(&(t as u32)).is_err();
+        (counts && !coplanar).then_some(normal)
+    };
+    let planes: Vec<DVec3> = (0..mesh.triangles.len()).filter_map(edge_on).collect();
+    if planes.is_empty() {
+        return center;
+    }
+    // Of some directions that are no round numbers the one that leads off all of these planes the most.
+    let directions = (1..=16).map(|k| {
+        let turn = f64::from(k) * crate::reference::GOLDEN_ANGLE;
+        let (sin, cos) = (libm::sin(turn), libm::cos(turn));
+        match across.map(DVec3::any_orthonormal_pair) {
+            Some((s, t)) => s * cos + t * sin,
+            None => {
+                let up = 0.5 + f64::from(k) / 40.0;
+                let flat = (1.0 - up * up).sqrt();
+                DVec3::new(flat * cos, up, flat * sin)
+            }
+        }
+    });
+    let least = |direction: &DVec3| planes.iter().map(|n| n.dot(*direction).abs()).fold(1.0, f64::min);
+    let direction = directions.max_by(|a, b| least(a).total_cmp(&least(b))).expect("there are some");
+    center + direction * (OFF_PLANE * light.disc_radius())
+}
