@@ -10,7 +10,7 @@ use glam::DVec3;
 use super::silhouette::{Stance, stances};
 use super::{Adjacency, Counting, is_degenerate};
 use crate::light::Light;
-use crate::mesh::Mesh;
+use crate::mesh::{Mesh, distance_to_triangle};
 
 /// Triangles that a light is cut by, at most: every one is looked at from every receiver. The nearest are taken.
 pub const CUT_TRIANGLES_MAX: usize = 64;
@@ -60,13 +60,11 @@ impl Aspect {
             return Self { middle, stance, counting, cut: Vec::new(), cut_left: 0 };
         }
         let (cut, cut_left) = cut(light, mesh, adjacency);
-        let middle = off_planes(light, mesh, adjacency, &cut);
+        let middle = off_planes(light, mesh, adjacency);
         let mut stance = stances(mesh, adjacency, middle);
 
         // Bodies that the light reaches into have no one side that looks at it.
-        let mut bodies: Vec<u32> = cut.iter().map(|t| adjacency.component[*t as usize]).collect();
-        bodies.sort_unstable();
-        bodies.dedup();
+        let bodies = bodies_of(cut.iter().copied(), adjacency);
         if !bodies.is_empty() {
             for (t, body) in adjacency.component.iter().enumerate() {
                 if counting[t] == Counting::Closed && bodies.binary_search(body).is_ok() {
@@ -95,6 +93,9 @@ fn is_listed(mesh: &Mesh, adjacency: &Adjacency, t: usize) -> bool {
 }
 
 /// The triangles that the light is cut by, ascending, and how many there are beyond the greatest number.
+///
+/// As far as there is room, those come with them that lie in bodies of these, but for sheets, and have planes that cut the
+/// light: they are entered from one part of the light and left from another.
 fn cut(light: &Light, mesh: &Mesh, adjacency: &Adjacency) -> (Vec<u32>, usize) {
     let (center, radius) = (light.center(), light.disc_radius());
     let mut near: Vec<(f64, u32)> = Vec::new();
@@ -110,20 +111,46 @@ fn cut(light: &Light, mesh: &Mesh, adjacency: &Adjacency) -> (Vec<u32>, usize) {
             }
         }
     }
-    near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    let bodies = bodies_of(near.iter().map(|(_, t)| *t), adjacency);
     let left = near.len().saturating_sub(CUT_TRIANGLES_MAX);
+    if near.len() < CUT_TRIANGLES_MAX && !bodies.is_empty() {
+        let known: Vec<u32> = near.iter().map(|(_, t)| *t).collect();
+        let in_plane = |t: usize| {
+            let corners = mesh.corners(t);
+            let [a, b, c] = corners.map(|p| p - center);
+            let normal = (b - a).cross(c - a);
+            let cuts = a.dot(normal).abs() < radius * normal.length();
+            (cuts && is_listed(mesh, adjacency, t)).then(|| distance_to_triangle(center, corners))
+        };
+        let others = (0..mesh.triangles.len()).filter(|t| {
+            adjacency.counting[*t] != Counting::Sheet
+                && bodies.binary_search(&adjacency.component[*t]).is_ok()
+                && known.binary_search(&(*t as u32)).is_err()
+        });
+        near.extend(others.filter_map(|t| Some((radius + in_plane(t)?, t as u32))));
+    }
+    near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     near.truncate(CUT_TRIANGLES_MAX);
     let mut cut: Vec<u32> = near.into_iter().map(|(_, t)| t).collect();
     cut.sort_unstable();
     (cut, left)
 }
 
-/// The middle of the light; a hair beside it where it lies exactly in the plane of a face other than those in `cut`.
+/// The bodies that triangles belong to, ascending.
+fn bodies_of(triangles: impl Iterator<Item = u32>, adjacency: &Adjacency) -> Vec<u32> {
+    let mut bodies: Vec<u32> = triangles.map(|t| adjacency.component[t as usize]).collect();
+    bodies.sort_unstable();
+    bodies.dedup();
+    bodies
+}
+
+/// The middle of the light; a hair beside it where it lies exactly in the plane of a face.
 ///
 /// A face that is seen edge-on hides nothing of the middle and nearly half of the light from beside its plane. Moved off the
-/// plane, the middle sees it as any other, and receivers on that plane, too, have the light on one side of it. A disc that
-/// does not turn moves within its own plane: it must not get behind the face that it lies in.
-fn off_planes(light: &Light, mesh: &Mesh, adjacency: &Adjacency, cut: &[u32]) -> DVec3 {
+/// plane, the middle sees it as any other, and receivers on that plane, too, have the light on one side of it; nor is a corner
+/// then exactly in the middle, where it has no direction. A disc that does not turn moves within its own plane: it must not
+/// get behind the face that it lies in.
+fn off_planes(light: &Light, mesh: &Mesh, adjacency: &Adjacency) -> DVec3 {
     let center = light.center();
     let across = light.disc_normal();
     let edge_on = |t: usize| {
@@ -135,8 +162,7 @@ fn off_planes(light: &Light, mesh: &Mesh, adjacency: &Adjacency, cut: &[u32]) ->
         }
         let normal = normal.try_normalize()?;
         let coplanar = across.is_some_and(|across| across.cross(normal).length() < 1e-9);
-        let counts = is_listed(mesh, adjacency, t) && cut.binary_search(&(t as u32)).is_err();
-        (counts && !coplanar).then_some(normal)
+        (is_listed(mesh, adjacency, t) && !coplanar).then_some(normal)
     };
     let planes: Vec<DVec3> = (0..mesh.triangles.len()).filter_map(edge_on).collect();
     if planes.is_empty() {

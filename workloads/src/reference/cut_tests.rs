@@ -179,7 +179,7 @@ fn a_light_that_reaches_into_a_body_is_dark_where_it_is_inside() {
             ("corner", DVec3::new(0.5, 1.5, 0.5), DVec3::new(0.6, 0.64, 0.48)),
         ] {
             let center = foot + out * (RADIUS * height);
-            right(&format!("{what} of a body at {height}"), 0.02, &mesh, sphere(center), around(outside));
+            right(&format!("{what} of a body at {height}"), if height > 1.0 { 0.01 } else { 1e-3 }, &mesh, sphere(center), around(outside));
         }
     }
 }
@@ -199,7 +199,7 @@ fn a_light_that_reaches_through_the_wall_of_a_room_is_dark_beyond_it() {
             |p: DVec3| !(p.x > 0.29 && p.x < 0.91 && p.y > 0.59 && p.y < 1.21 && p.z > -0.41 && p.z < 0.31);
         for depth in [0.9, 0.5, 0.1, 1e-6, 0.0, -0.2] {
             let light = sphere(DVec3::new(0.2, 3.1 - RADIUS * depth, 0.1));
-            right(&format!("room, {depth} radii below its ceiling"), 0.02, &mesh, light, around(outside));
+            right(&format!("room, {depth} radii below its ceiling"), 1e-3, &mesh, light, around(outside));
         }
     }
 }

@@ -278,7 +278,8 @@ impl Occluders {
         layers
     }
 
-    /// The sums (F, B) at receiver `p` (light-centred), not clamped; the triangle `own` does not shadow it.
+    /// The sums (F, B) at receiver `p` (light-centred), not clamped, of the faces that keep clear of the light; the triangle `own`
+    /// does not shadow it.
     #[must_use]
     pub fn sums(&self, p: DVec3, own: u32) -> (f64, f64) {
         let layers = self.layers(p, own);
@@ -303,13 +304,23 @@ impl Occluders {
                 front += area * f64::from(face.front);
                 back += area * f64::from(face.back);
             }
-            // Faces that the light is cut by: each for itself, whichever side of it the middle is on.
-            for (polygon, counting) in self.cut_polygons(&projection, own) {
-                let area = area_in(&polygon);
-                let sheet = counting == Counting::Sheet;
-                front += if sheet { area.abs() } else { area.max(0.0) };
-                back += if sheet { area.abs() } else { (-area).max(0.0) };
-            }
+        }
+        (front, back)
+    }
+
+    /// What the faces that the light is cut by hide of it from receiver `p` (light-centred), in F and B: each for itself, whichever
+    /// side of it the middle is on, so that none is negative. The triangle `own` does not shadow it.
+    #[must_use]
+    pub fn cut_sums(&self, p: DVec3, own: u32) -> (f64, f64) {
+        let (mut front, mut back) = (0.0, 0.0);
+        if self.cut.is_empty() {
+            return (front, back);
+        }
+        for (polygon, counting) in self.cut_polygons(&Projection::new(p, self.radius, self.normal), own) {
+            let area = area_in(&polygon);
+            let sheet = counting == Counting::Sheet;
+            front += if sheet { area.abs() } else { area.max(0.0) };
+            back += if sheet { area.abs() } else { (-area).max(0.0) };
         }
         (front, back)
     }
@@ -361,7 +372,8 @@ impl Occluders {
         places.iter().zip(&counts).filter(|(place, count)| count.is_silhouette() || is_cut(place)).count()
     }
 
-    /// Covered part of the light, in [0, 1], at receiver `p`: `min(max(|F|, |B|, |F - B|), 1)`.
+    /// Covered part of the light, in [0, 1], at receiver `p`: `min(max(|F|, |B|, |F - B|), 1)`, each with what the faces that the
+    /// light is cut by hide: `|F| + F'`, `|B| + B'`, `|F - B| + min(F', B')`.
     ///
     /// A sum is negative where the receiver and the middle of the light lie on one side of a face that covers part of
     /// the light: from the receiver the face runs the other way round. Its size is what it covers; where the other sum is
@@ -369,7 +381,9 @@ impl Occluders {
     #[must_use]
     pub fn coverage_at(&self, p: DVec3, own: u32) -> f64 {
         let (front, back) = self.sums(p, own);
-        front.abs().max(back.abs()).max((front - back).abs()).min(1.0)
+        let cut = self.cut_sums(p, own);
+        let apart = (front - back).abs() + cut.0.min(cut.1);
+        (front.abs() + cut.0).max(back.abs() + cut.1).max(apart).min(1.0)
     }
 
     /// Visible part of the light, in [0, 1], at receiver `p`.

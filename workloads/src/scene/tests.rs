@@ -3,7 +3,7 @@ use std::path::Path;
 use glam::DVec3;
 
 use super::*;
-use crate::adjacency::{Adjacency, Counting, silhouette_edges};
+use crate::adjacency::{Adjacency, Aspect, Counting, silhouette_edges};
 use crate::{EyeView, Preview, ShadowInput};
 
 #[test]
@@ -19,7 +19,13 @@ fn shipped_scenes_load_and_their_bodies_are_closed() {
 fn nothing_is_odd_about_shipped_scenes() {
     for name in builtin_names() {
         let scene = load_scene(name, Path::new(".")).expect(name);
-        assert_eq!(scene.warnings(&Adjacency::new(&scene.mesh)), [], "{name}");
+        let adjacency = Adjacency::new(&scene.mesh);
+        assert_eq!(scene.warnings(&adjacency), [], "{name}");
+        let aspect = Aspect::new(&scene.light, &scene.mesh, &adjacency);
+        assert!(aspect.cut.is_empty(), "{name}");
+        if aspect.middle != scene.light.center() {
+            println!("{name}: the middle of the light lies in the plane of a face");
+        }
     }
 }
 
