@@ -19,6 +19,7 @@ use lrbsim_isa::{Addr, Arena, Compare, Kernel, Runner, Stacked, Step, Stopped, V
 use lrbsim_workloads::reference::spiral;
 
 use super::Sums;
+use super::cut::{CutSamples, CutTriangles, Hidden};
 use super::own::Own;
 use super::soft::{WHOLE, on_disc, view};
 use crate::columns::Columns;
@@ -63,8 +64,14 @@ pub fn cover(
     grid: &Grid,
     runs: &Runs,
     sums: Columns<Sums>,
+    cut: Option<CutTriangles>,
     runner: &mut Runner<'_>,
-) -> Result<(), Stopped> {
+) -> Result<Option<Hidden>, Stopped> {
+    let light_samples = LightSamples::new(runner.arena, groups as u32 * 16);
+    let hidden = match cut {
+        None => None,
+        Some(cut) => Some(cut.samples(primitives.light, groups, light_samples, grid, runner)?),
+    };
     let bits = Bits {
         walk,
         groups,
@@ -72,11 +79,58 @@ pub fn cover(
         grid: *grid,
         splits: runs.splits,
         sums,
-        samples: samples(runner.arena, groups as u32 * 16),
-        turns: turns(runner.arena),
+        light_samples,
+        hidden,
     };
     // SAFETY: each task writes the sums of its own samples: a sample lies in one run.
-    runner.run(&unsafe { Step::independent("soft", walk.run_count(), bits) })
+    runner.run(&unsafe { Step::independent("soft", walk.run_count(), bits) })?;
+    Ok(hidden)
+}
+
+/// The samples of the light, and the directions that they are turned to.
+#[derive(Clone, Copy)]
+pub struct LightSamples {
+    samples: Columns<LightSample>,
+    turns: Columns<Turn>,
+}
+
+impl LightSamples {
+    /// Puts `count` samples of the light into the arena, untimed: constants of the program.
+    pub fn new(arena: &mut Arena, count: u32) -> LightSamples {
+        LightSamples { samples: samples(arena, count), turns: turns(arena) }
+    }
+
+    /// The light as 16 receivers see it, turned for their samples: by the pixel, so that a picture does not depend on the order of
+    /// the samples.
+    #[inline(always)]
+    pub fn turned<V: Vpu>(
+        &self,
+        v: &mut V,
+        view: View<V>,
+        grid: &Grid,
+        live: V::Mask,
+        receiver: V::I32,
+    ) -> View<V> {
+        let none = v.vset_i32(0);
+        let zero = v.vset_f32(0.0);
+        let receivers = grid.receivers.columns;
+        let pixel = v.vgather_i32_or(none, live, receivers.column(field!(Receiver.pixel)), receiver);
+        let golden = v.vset_i32(0x9e37_79b9_u32 as i32);
+        let shift = v.vset_i32(32 - TURNS.trailing_zeros() as i32);
+        let turn = int!(v, (pixel * golden) >> shift);
+        let cos = v.vgather_f32_or(zero, live, self.turns.column(field!(Turn.cos)), turn);
+        let sin = v.vgather_f32_or(zero, live, self.turns.column(field!(Turn.sin)), turn);
+        view.turned(v, cos, sin)
+    }
+
+    /// Sample `number` of the light in every lane, in radii.
+    #[inline(always)]
+    pub fn place<V: Vpu>(&self, v: &mut V, number: usize) -> Vec2<V> {
+        let number = v.s_imm(number as i32);
+        each!(axis in [0, 1] => {
+            v.vbroadcast_f32(self.samples.column(field!(LightSample.place[axis])), number)
+        })
+    }
 }
 
 /// Puts the samples of the light into the arena, untimed: constants of the program.
@@ -110,8 +164,9 @@ struct Bits {
     /// Which blocks have layers.
     splits: Columns<Split>,
     sums: Columns<Sums>,
-    samples: Columns<LightSample>,
-    turns: Columns<Turn>,
+    light_samples: LightSamples,
+    /// Samples of the light that triangles hide which it is cut by; `None` where there are none.
+    hidden: Option<Hidden>,
 }
 
 /// What covers the light of 16 receivers, as far as their cell's edges have been seen.
@@ -164,7 +219,9 @@ impl Bits {
     #[inline(always)]
     fn places<V: Vpu>(&self, v: &mut V, group: usize) -> Vec2<V> {
         let first = v.s_imm(group as i32 * 16);
-        each!(axis in [0, 1] => v.vload_f32(self.samples.column(field!(LightSample.place[axis])), first))
+        each!(axis in [0, 1] => {
+            v.vload_f32(self.light_samples.samples.column(field!(LightSample.place[axis])), first)
+        })
     }
 
     /// Adds to the counts of the receivers in `live` what the edges in `crossing` change.
@@ -220,14 +277,8 @@ impl Shade for Bits {
         let receiver =
             v.vload_i32_or(none, live, self.grid.samples.column(field!(Sample.receiver)), samples.first);
 
-        // By the pixel, so that a picture does not depend on the order of the samples.
-        let pixel = v.vgather_i32_or(none, live, receivers.column(field!(Receiver.pixel)), receiver);
-        let golden = v.vset_i32(0x9e37_79b9_u32 as i32);
-        let shift = v.vset_i32(32 - TURNS.trailing_zeros() as i32);
-        let turn = int!(v, (pixel * golden) >> shift);
-        let cos = v.vgather_f32_or(zero, live, self.turns.column(field!(Turn.cos)), turn);
-        let sin = v.vgather_f32_or(zero, live, self.turns.column(field!(Turn.sin)), turn);
-        let view = view(v, &self.own.primitives.light, samples.position).turned(v, cos, sin);
+        let view = view(v, &self.own.primitives.light, samples.position);
+        let view = self.light_samples.turned(v, view, &self.grid, live, receiver);
 
         let layers = self.layers(v, samples);
         let mut state = Covered { view, layers, counts: [[None; GROUPS_MAX]; 16], horizon: None };
@@ -327,7 +378,7 @@ impl Shade for Bits {
                 let bit = scalar!(v, lanes & { 1 << lane });
                 v.branch(Compare::NotEqual, bit, nothing).then_some(crossing)
             });
-            if !has_counts && horizon.is_none() {
+            if !has_counts && horizon.is_none() && self.hidden.is_none() {
                 continue;
             }
             let lane_number = v.vset_i32(lane as i32);
@@ -355,7 +406,14 @@ impl Shade for Bits {
                     let beyond = v.vcmp_gt(across, offset);
                     count = v.viadd_or(count, beyond, count, step);
                 }
-                let hidden = v.vicmp_neq(count, none);
+                let mut hidden = v.vicmp_neq(count, none);
+                if let Some(Hidden::Samples(samples_hidden, _)) = self.hidden {
+                    let first = samples.first;
+                    let sample = scalar!(v, first + { lane as i32 });
+                    let by_cut = v.s_load(samples_hidden.column(field!(CutSamples.groups[group])), sample);
+                    let by_cut = v.kmov_from_scalar(by_cut);
+                    hidden = v.kor(hidden, by_cut);
+                }
                 let bits = v.kmov_to_scalar(hidden);
                 let more = v.s_popcnt(bits);
                 number = scalar!(v, number + more);

@@ -6,6 +6,7 @@
 //! irregular: bin          triangles and edges to bins
 //! irregular: raster, run  … to (cell, primitive) records, and samples to runs of equal work
 //! hard                    layers between each sample and the light
+//! cut                     what triangles hide that the light is cut by: in few scenes there are any
 //! soft                    signed parts of the light's disc
 //! compose                 own triangles taken out, one clamp, visibility to the pixels
 //! ```
@@ -15,6 +16,7 @@ pub mod hard;
 pub mod soft;
 pub mod compose;
 pub mod own;
+pub mod cut;
 pub mod bits;
 
 use lrbsim_isa::options::{Entry, OptionSpec, Options, Values, Word};
@@ -30,6 +32,7 @@ use crate::irregular::receivers::Receivers;
 use crate::irregular::run::{RunSizes, Runs, Walk};
 use crate::method::{Method, Shadows};
 use crate::scene::Scene;
+use cut::CutTriangles;
 use own::Own;
 
 /// Soft irregular shadow mapping, as a method among others.
@@ -205,6 +208,7 @@ fn run_light(
     let scene = Scene::new(input, runner.arena);
     let receivers = Receivers::new(input, runner.arena);
     let light = LightConstants::new(input);
+    let cut = CutTriangles::new(input, runner.arena);
 
     runner.phase(&SILHOUETTE);
     let primitives = silhouette::detect(&scene, light, runner)?;
@@ -224,17 +228,23 @@ fn run_light(
     hard::count(Walk::new(Kind::Triangles, &grid, &raster, &runs), &primitives, &grid, sums, runner)?;
 
     let own = light.is_soft().then_some(Own { primitives });
+    let mut hidden = None;
     if light.is_soft() {
         runner.phase(&SOFT);
         let walk = Walk::new(Kind::Edges, &grid, &raster, &runs);
         match overlap {
-            Overlap::Sum => soft::sum(walk, &primitives, sums, runner)?,
-            Overlap::Bits64 => bits::cover(walk, 4, &primitives, &grid, &runs, sums, runner)?,
-            Overlap::Bits256 => bits::cover(walk, 16, &primitives, &grid, &runs, sums, runner)?,
+            Overlap::Sum => {
+                hidden = cut.map(|cut| cut.parts(light, &grid, runner)).transpose()?;
+                soft::sum(walk, &primitives, sums, runner)?;
+            }
+            Overlap::Bits64 => hidden = bits::cover(walk, 4, &primitives, &grid, &runs, sums, cut, runner)?,
+            Overlap::Bits256 => {
+                hidden = bits::cover(walk, 16, &primitives, &grid, &runs, sums, cut, runner)?;
+            }
         }
     }
 
     runner.phase(&COMPOSE);
-    compose::compose(&grid, &runs, sums, own, overlap, picture, runner)?;
+    compose::compose(&grid, &runs, sums, own, hidden, overlap, picture, runner)?;
     Ok(Arrays { primitives, grid, runs, sums, visibility: picture.visibility })
 }

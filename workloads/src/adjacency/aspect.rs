@@ -44,8 +44,17 @@ pub struct Aspect {
     pub counting: Vec<Counting>,
     /// The triangles that the light is cut by, by number; no more than [`CUT_TRIANGLES_MAX`].
     pub cut: Vec<CutTriangle>,
-    /// Number of further triangles that the light is cut by, which count as if it was not.
-    pub cut_left: usize,
+    /// Further triangles that the light is cut by, which count as if it was not.
+    pub cut_left: Option<CutLeft>,
+}
+
+/// Triangles that a light is cut by beyond the greatest number of them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct CutLeft {
+    /// How many there are.
+    pub triangles: usize,
+    /// The one that is nearest to the middle of the light.
+    pub nearest: u32,
 }
 
 impl Aspect {
@@ -57,7 +66,7 @@ impl Aspect {
         if radius == 0.0 {
             let middle = light.center();
             let stance = stances(mesh, adjacency, middle);
-            return Self { middle, stance, counting, cut: Vec::new(), cut_left: 0 };
+            return Self { middle, stance, counting, cut: Vec::new(), cut_left: None };
         }
         let (cut, cut_left) = cut(light, mesh, adjacency);
         let middle = off_planes(light, mesh, adjacency);
@@ -92,11 +101,11 @@ fn is_listed(mesh: &Mesh, adjacency: &Adjacency, t: usize) -> bool {
     adjacency.stands_for[t] as usize == t && !is_degenerate(mesh, t)
 }
 
-/// The triangles that the light is cut by, ascending, and how many there are beyond the greatest number.
+/// The triangles that the light is cut by, ascending, and those beyond the greatest number.
 ///
 /// As far as there is room, those come with them that lie in bodies of these, but for sheets, and have planes that cut the
 /// light: they are entered from one part of the light and left from another.
-fn cut(light: &Light, mesh: &Mesh, adjacency: &Adjacency) -> (Vec<u32>, usize) {
+fn cut(light: &Light, mesh: &Mesh, adjacency: &Adjacency) -> (Vec<u32>, Option<CutLeft>) {
     let (center, radius) = (light.center(), light.disc_radius());
     let mut near: Vec<(f64, u32)> = Vec::new();
     for t in 0..mesh.triangles.len() {
@@ -112,7 +121,7 @@ fn cut(light: &Light, mesh: &Mesh, adjacency: &Adjacency) -> (Vec<u32>, usize) {
         }
     }
     let bodies = bodies_of(near.iter().map(|(_, t)| *t), adjacency);
-    let left = near.len().saturating_sub(CUT_TRIANGLES_MAX);
+    let triangles = near.len().saturating_sub(CUT_TRIANGLES_MAX);
     if near.len() < CUT_TRIANGLES_MAX && !bodies.is_empty() {
         let known: Vec<u32> = near.iter().map(|(_, t)| *t).collect();
         let in_plane = |t: usize| {
@@ -130,6 +139,7 @@ fn cut(light: &Light, mesh: &Mesh, adjacency: &Adjacency) -> (Vec<u32>, usize) {
         near.extend(others.filter_map(|t| Some((radius + in_plane(t)?, t as u32))));
     }
     near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    let left = (triangles > 0).then(|| CutLeft { triangles, nearest: near[CUT_TRIANGLES_MAX].1 });
     near.truncate(CUT_TRIANGLES_MAX);
     let mut cut: Vec<u32> = near.into_iter().map(|(_, t)| t).collect();
     cut.sort_unstable();

@@ -13,7 +13,7 @@ mod weld;
 #[cfg(test)]
 mod tests;
 
-pub use aspect::{Aspect, CUT_TRIANGLES_MAX, CutTriangle};
+pub use aspect::{Aspect, CUT_TRIANGLES_MAX, CutLeft, CutTriangle};
 pub use counting::Counting;
 pub(crate) use silhouette::counts;
 pub use silhouette::{EdgeWeights, Stance, edge_weights, silhouette_edges, stances};

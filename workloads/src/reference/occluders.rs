@@ -326,11 +326,14 @@ impl Occluders {
     }
 
     /// Faces that the light is cut by, but for the triangle `own`, as polygons on the disc.
-    fn cut_polygons(&self, projection: &Projection, own: u32) -> impl Iterator<Item = (Vec<DVec2>, Counting)> {
+    fn cut_polygons(
+        &self,
+        projection: &Projection,
+        own: u32,
+    ) -> impl Iterator<Item = (Vec<DVec2>, Counting)> {
         let others = self.cut.iter().filter(move |face| face.number != own);
-        others.map(|face| {
-            (projection.polygon(face.corners.map(|v| self.vertices[v as usize])), face.counting)
-        })
+        others
+            .map(|face| (projection.polygon(face.corners.map(|v| self.vertices[v as usize])), face.counting))
     }
 
     /// How many of some samples of the light, on the unit disc that receiver `p` sees, are covered: those before which there
