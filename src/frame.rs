@@ -286,9 +286,9 @@ fn warnings(scene: &Scene, adjacency: &Adjacency, eye: &EyeView) -> Vec<Warning>
     warnings.extend(scene.warnings(adjacency).iter().map(|warning| Warning {
         kind: match warning {
             SceneWarning::LeftOut { .. } => WarningKind::LinesLeftOut,
-            SceneWarning::LightTouches { .. } | SceneWarning::LightEnclosed { .. } => {
-                WarningKind::LightInGeometry
-            }
+            SceneWarning::LightTouches { .. }
+            | SceneWarning::LightHuge { .. }
+            | SceneWarning::LightEnclosed { .. } => WarningKind::LightInGeometry,
         },
         message: warning.to_string(),
     }));

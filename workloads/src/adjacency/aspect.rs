@@ -15,7 +15,7 @@ use crate::mesh::{Mesh, distance_to_triangle};
 /// Triangles that a light is cut by, at most: every one is looked at from every receiver. The nearest are taken.
 pub const CUT_TRIANGLES_MAX: usize = 64;
 
-/// How far the middle of a light is moved off planes that it lies in exactly, in radii: more than f32 takes points off their
+/// How far the middle of a light is moved off planes that it lies in exactly, in radii, or in sizes of a smaller scene: more than f32 takes points off their
 /// planes in most scenes, and little enough to move no shadow by a hundred-thousandth of the light.
 const OFF_PLANE: f64 = 1.0 / (1 << 16) as f64;
 
@@ -193,5 +193,6 @@ fn off_planes(light: &Light, mesh: &Mesh, adjacency: &Adjacency) -> DVec3 {
     });
     let least = |direction: &DVec3| planes.iter().map(|n| n.dot(*direction).abs()).fold(1.0, f64::min);
     let direction = directions.max_by(|a, b| least(a).total_cmp(&least(b))).expect("there are some");
-    center + direction * (OFF_PLANE * light.disc_radius())
+    let reach = mesh.positions.iter().map(|p| (*p - center).abs().max_element()).fold(0.0, f64::max);
+    center + direction * (OFF_PLANE * light.disc_radius().min(reach))
 }

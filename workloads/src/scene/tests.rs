@@ -24,20 +24,30 @@ fn nothing_is_odd_about_shipped_scenes() {
         let aspect = Aspect::new(&scene.light, &scene.mesh, &adjacency);
         assert!(aspect.cut.is_empty(), "{name}");
         if aspect.middle != scene.light.center() {
-            println!("{name}: the middle of the light lies in the plane of a face");
+            let planes = (0..scene.mesh.triangles.len()).filter(|t| {
+                let [a, b, c] = scene.mesh.corners(*t).map(|p| p - scene.light.center());
+                a.dot((b - a).cross(c - a)).abs() < 1e-15
+            });
+            println!("{name}: the middle of the light lies in the planes of {} faces", planes.count());
         }
     }
 }
 
 #[test]
-fn a_light_that_touches_something_is_warned_of() {
+fn a_light_that_is_cut_by_more_than_is_known_of_is_warned_of() {
     let mut scene = load_scene("tiny", Path::new(".")).expect("shipped");
     let top = scene.mesh.positions.iter().copied().reduce(|a, b| if b.y > a.y { b } else { a });
     let center = top.expect("a mesh has vertices") + DVec3::new(0.0, 0.01, 0.0);
-    for (radius, warned) in [(0.5, true), (0.011, true), (0.005, false)] {
+    scene.light = Light::Sphere { center, radius: 100.0 };
+    let found = scene.warnings(&Adjacency::new(&scene.mesh));
+    assert!(matches!(found[..], [SceneWarning::LightHuge { .. }]), "{found:?}");
+    for (radius, warned) in [(5.0, true), (0.5, false), (0.011, false), (0.005, false)] {
         scene.light = Light::Sphere { center, radius };
         let found = scene.warnings(&Adjacency::new(&scene.mesh));
-        let touches = |warning: &SceneWarning| matches!(warning, SceneWarning::LightTouches { .. });
+        let touches = |warning: &SceneWarning| match warning {
+            SceneWarning::LightTouches { triangles, distance, .. } => *triangles == 80 && *distance < radius,
+            _ => false,
+        };
         assert_eq!(found.iter().any(touches), warned, "{radius}: {found:?}");
     }
 }

@@ -9,6 +9,9 @@ use crate::light::Light;
 use crate::mesh::ObjectRange;
 use crate::obj::LeftOut;
 
+/// Radius of a light, in diagonals of the scene, up to which what cuts it is told apart from the horizon.
+const HUGE_DIAGONALS: f64 = 10.0;
+
 /// Something about a scene that its maker should know.
 #[derive(Debug, Clone, PartialEq)]
 pub enum SceneWarning {
@@ -30,6 +33,11 @@ pub enum SceneWarning {
         radius: f64,
         /// Object of that triangle; empty if it has no name.
         object: String,
+    },
+    /// The light is far larger than the scene, which lies in it: nearly all of it is seen along the horizons of receivers.
+    LightHuge {
+        /// Radius of the light in diagonals of the scene.
+        diagonals: f64,
     },
     /// The light is inside a closed body that the camera is outside of: all that is seen is in its shadow.
     LightEnclosed {
@@ -59,6 +67,11 @@ impl fmt::Display for SceneWarning {
                      or make the light smaller"
                 )
             }
+            Self::LightHuge { diagonals } => write!(
+                f,
+                "the light holds the whole scene: its radius is {diagonals:.0} of the scene's diagonals, and shadows are right up to \
+                 {HUGE_DIAGONALS}; a directional light is a far one"
+            ),
             Self::LightEnclosed { object } => write!(
                 f,
                 "the light is inside a closed body{} and the camera is not: all that is seen is dark; move \
@@ -97,8 +110,13 @@ impl Scene {
         left_out.chain(of_light).collect()
     }
 
-    /// What is not known of a light that more triangles cut than are looked at.
+    /// What is not known of a light that triangles cut: where it is larger than all that is around, and where more do than are
+    /// looked at.
     fn touched(&self, aspect: &Aspect) -> Option<SceneWarning> {
+        let diagonals = self.light.disc_radius() / self.mesh.bounds().diagonal();
+        if diagonals > HUGE_DIAGONALS {
+            return Some(SceneWarning::LightHuge { diagonals });
+        }
         let left = aspect.cut_left?;
         let triangle = left.nearest as usize;
         Some(SceneWarning::LightTouches {
