@@ -15,6 +15,9 @@ use crate::mesh::{Mesh, distance_to_triangle};
 /// Triangles that a light is cut by, at most: every one is looked at from every receiver. The nearest are taken.
 pub const CUT_TRIANGLES_MAX: usize = 64;
 
+/// Triangles nearer to the middle than this part of the radius count as cutting a disc that does not turn, whether they meet it or not.
+const NEXT_TO_MIDDLE: f64 = 1.0 / 256.0;
+
 /// How far the middle of a light is moved off planes that it lies in exactly, in radii, or in sizes of a smaller scene: more than f32 takes points off their
 /// planes in most scenes, and little enough to move no shadow by a hundred-thousandth of the light.
 const OFF_PLANE: f64 = 1.0 / (1 << 16) as f64;
@@ -114,7 +117,17 @@ fn cut(light: &Light, mesh: &Mesh, adjacency: &Adjacency) -> (Vec<u32>, Option<C
         // Most triangles are far from the light by their bounds.
         let apart = a.min(b).min(c).max_element().max(-a.max(b).max(c).min_element());
         if apart < radius && is_listed(mesh, adjacency, t) {
-            let distance = light.distance_to(corners);
+            let mut distance = light.distance_to(corners);
+            if let (Some(across), true) = (light.disc_normal(), distance >= radius) {
+                // A silhouette next to the middle needs more digits than f32 has, on whichever side of a still disc it is. What lies
+                // along the disc holds it and has none.
+                let [a, b, c] = corners;
+                let along = (b - a).cross(c - a).normalize().cross(across).length() < 1e-3;
+                let from_middle = distance_to_triangle(center, corners);
+                if !along && from_middle < NEXT_TO_MIDDLE * radius {
+                    distance = from_middle;
+                }
+            }
             if distance < radius {
                 near.push((distance, t as u32));
             }
