@@ -19,7 +19,7 @@ use lrbsim_isa::{Addr, Arena, Compare, Kernel, Runner, Stacked, Step, Stopped, V
 use lrbsim_workloads::reference::spiral;
 
 use super::Sums;
-use super::cut::{CutSamples, CutTriangles, Hidden};
+use super::cut::{CutSamples, Hidden};
 use super::own::Own;
 use super::soft::{WHOLE, on_disc, view};
 use crate::columns::Columns;
@@ -55,49 +55,45 @@ struct Turn {
     sin: f32,
 }
 
-/// Finds which of `16 * groups` samples of the light are covered, `groups` at most [`GROUPS_MAX`], for every sample in a block that holds edges: the covered
-/// part, in fixed point, to [`Sums::coverage`]`[0]`. One task a run.
+/// Finds which samples of the light are covered, for every sample in a block that holds edges: the covered part, in fixed
+/// point, to [`Sums::coverage`]`[0]`. One task a run.
 pub fn cover(
     walk: Walk,
-    groups: usize,
+    compared: Compared,
     primitives: &Primitives,
     grid: &Grid,
     runs: &Runs,
     sums: Columns<Sums>,
-    cut: Option<CutTriangles>,
     runner: &mut Runner<'_>,
-) -> Result<Option<Hidden>, Stopped> {
-    let light_samples = LightSamples::new(runner.arena, groups as u32 * 16);
-    let hidden = match cut {
-        None => None,
-        Some(cut) => Some(cut.samples(primitives.light, groups, light_samples, grid, runner)?),
-    };
-    let bits = Bits {
-        walk,
-        groups,
-        own: Own { primitives: *primitives },
-        grid: *grid,
-        splits: runs.splits,
-        sums,
-        light_samples,
-        hidden,
-    };
+) -> Result<(), Stopped> {
+    let own = Own { primitives: *primitives };
+    let bits = Bits { walk, compared, own, grid: *grid, splits: runs.splits, sums };
     // SAFETY: each task writes the sums of its own samples: a sample lies in one run.
-    runner.run(&unsafe { Step::independent("soft", walk.run_count(), bits) })?;
-    Ok(hidden)
+    runner.run(&unsafe { Step::independent("soft", walk.run_count(), bits) })
+}
+
+/// The samples of the light, and what is known of them before edges are compared with them.
+#[derive(Clone, Copy)]
+pub struct Compared {
+    /// The samples of the light.
+    pub samples: LightSamples,
+    /// Those that triangles hide which the light is cut by; `None` where there are no such triangles.
+    pub hidden: Option<Hidden>,
 }
 
 /// The samples of the light, and the directions that they are turned to.
 #[derive(Clone, Copy)]
 pub struct LightSamples {
+    /// Number of groups of 16 samples, at most [`GROUPS_MAX`].
+    pub groups: usize,
     samples: Columns<LightSample>,
     turns: Columns<Turn>,
 }
 
 impl LightSamples {
-    /// Puts `count` samples of the light into the arena, untimed: constants of the program.
-    pub fn new(arena: &mut Arena, count: u32) -> LightSamples {
-        LightSamples { samples: samples(arena, count), turns: turns(arena) }
+    /// Puts `groups` groups of 16 samples of the light into the arena, untimed: constants of the program.
+    pub fn new(arena: &mut Arena, groups: usize) -> LightSamples {
+        LightSamples { groups, samples: samples(arena, groups as u32 * 16), turns: turns(arena) }
     }
 
     /// The light as 16 receivers see it, turned for their samples: by the pixel, so that a picture does not depend on the order of
@@ -157,16 +153,12 @@ fn turns(arena: &mut Arena) -> Columns<Turn> {
 /// Finds the covered samples of the light for the samples of a run.
 struct Bits {
     walk: Walk,
-    /// Number of groups of 16 samples of the light.
-    groups: usize,
+    compared: Compared,
     own: Own,
     grid: Grid,
     /// Which blocks have layers.
     splits: Columns<Split>,
     sums: Columns<Sums>,
-    light_samples: LightSamples,
-    /// Samples of the light that triangles hide which it is cut by; `None` where there are none.
-    hidden: Option<Hidden>,
 }
 
 /// What covers the light of 16 receivers, as far as their cell's edges have been seen.
@@ -220,7 +212,7 @@ impl Bits {
     fn places<V: Vpu>(&self, v: &mut V, group: usize) -> Vec2<V> {
         let first = v.s_imm(group as i32 * 16);
         each!(axis in [0, 1] => {
-            v.vload_f32(self.light_samples.samples.column(field!(LightSample.place[axis])), first)
+            v.vload_f32(self.compared.samples.samples.column(field!(LightSample.place[axis])), first)
         })
     }
 
@@ -244,7 +236,7 @@ impl Bits {
             let step = v.vpermute(crossing.step, lane_number);
             let [a, b] = crossing.ends;
             let (a, b) = ([of(v, a[0]), of(v, a[1])], [of(v, b[0]), of(v, b[1])]);
-            for (group, count) in counts[..self.groups].iter_mut().enumerate() {
+            for (group, count) in counts[..self.compared.samples.groups].iter_mut().enumerate() {
                 let place = self.places(v, group);
                 let across = cross2(v, along, place);
                 let beyond = v.vcmp_gt(across, offset);
@@ -278,7 +270,7 @@ impl Shade for Bits {
             v.vload_i32_or(none, live, self.grid.samples.column(field!(Sample.receiver)), samples.first);
 
         let view = view(v, &self.own.primitives.light, samples.position);
-        let view = self.light_samples.turned(v, view, &self.grid, live, receiver);
+        let view = self.compared.samples.turned(v, view, &self.grid, live, receiver);
 
         let layers = self.layers(v, samples);
         let mut state = Covered { view, layers, counts: [[None; GROUPS_MAX]; 16], horizon: None };
@@ -367,7 +359,7 @@ impl Shade for Bits {
         let whole = v.vset_i32(WHOLE as i32);
         let hidden = v.vicmp_neq(state.layers, none);
         let mut covered = v.vblend_i32(hidden, whole, none);
-        let per_sample = (WHOLE as i32 / (self.groups as i32 * 16)).trailing_zeros() as i32;
+        let per_sample = (WHOLE as i32 / (self.compared.samples.groups as i32 * 16)).trailing_zeros() as i32;
         let nothing = v.s_imm(0);
         for (lane, counts) in state.counts.iter().enumerate() {
             // Whether a receiver has counts on the stack, one bit says, which the thread keeps.
@@ -378,7 +370,7 @@ impl Shade for Bits {
                 let bit = scalar!(v, lanes & { 1 << lane });
                 v.branch(Compare::NotEqual, bit, nothing).then_some(crossing)
             });
-            if !has_counts && horizon.is_none() && self.hidden.is_none() {
+            if !has_counts && horizon.is_none() && self.compared.hidden.is_none() {
                 continue;
             }
             let lane_number = v.vset_i32(lane as i32);
@@ -395,7 +387,7 @@ impl Shade for Bits {
                 )),
             };
             let mut number = v.s_imm(0);
-            for (group, count) in counts[..self.groups].iter().enumerate() {
+            for (group, count) in counts[..self.compared.samples.groups].iter().enumerate() {
                 let mut count = match *count {
                     Some(count) => v.vunstack_i32(count),
                     None => v.vpermute(state.layers, lane_number),
@@ -407,7 +399,7 @@ impl Shade for Bits {
                     count = v.viadd_or(count, beyond, count, step);
                 }
                 let mut hidden = v.vicmp_neq(count, none);
-                if let Some(Hidden::Samples(samples_hidden, _)) = self.hidden {
+                if let Some(Hidden::Samples(samples_hidden, _)) = self.compared.hidden {
                     let first = samples.first;
                     let sample = scalar!(v, first + { lane as i32 });
                     let by_cut = v.s_load(samples_hidden.column(field!(CutSamples.groups[group])), sample);

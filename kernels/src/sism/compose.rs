@@ -27,15 +27,24 @@ pub fn compose(
     grid: &Grid,
     runs: &Runs,
     sums: Columns<Sums>,
-    own: Option<Own>,
-    cut: Option<Hidden>,
+    apart: Apart,
     overlap: Overlap,
     picture: Picture,
     runner: &mut Runner<'_>,
 ) -> Result<(), Stopped> {
+    let Apart { own, cut } = apart;
     let compose = Compose { grid: *grid, splits: runs.splits, sums, own, cut, overlap, picture };
     // SAFETY: each task writes the pixels of its own samples: a receiver has a pixel of its own.
     runner.run(&unsafe { Step::independent("compose", grid.receivers.count.div_ceil(TASK), compose) })
+}
+
+/// Triangles that sums of layers and edges do not have right.
+#[derive(Clone, Copy)]
+pub struct Apart {
+    /// What takes out own triangles; `None` for a point light, whose sums have no parts.
+    pub own: Option<Own>,
+    /// What triangles hide that the light is cut by; `None` where there are none.
+    pub cut: Option<Hidden>,
 }
 
 struct Compose {

@@ -125,15 +125,15 @@ impl CutTriangles {
         Ok(Hidden::Parts(parts))
     }
 
-    /// Finds which of `groups` groups of 16 samples of the light the triangles hide from each receiver.
+    /// Finds which samples of the light the triangles hide from each receiver.
     pub fn samples(
         self,
         light: LightConstants,
-        groups: usize,
         light_samples: LightSamples,
         grid: &Grid,
         runner: &mut Runner<'_>,
     ) -> Result<Hidden, Stopped> {
+        let groups = light_samples.groups;
         let hidden = Columns::overwritten(runner.arena, grid.receivers.count);
         let steps =
             (0..groups).flat_map(|group| self.steps().map(move |(first, count)| (group, first, count)));

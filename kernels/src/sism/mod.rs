@@ -32,6 +32,8 @@ use crate::irregular::receivers::Receivers;
 use crate::irregular::run::{RunSizes, Runs, Walk};
 use crate::method::{Method, Shadows};
 use crate::scene::Scene;
+use bits::{Compared, LightSamples};
+use compose::Apart;
 use cut::CutTriangles;
 use own::Own;
 
@@ -132,6 +134,15 @@ pub enum Overlap {
 }
 
 impl Overlap {
+    /// Groups of 16 samples of the light that are compared; `None` where parts are summed.
+    fn groups(self) -> Option<usize> {
+        match self {
+            Overlap::Sum => None,
+            Overlap::Bits64 => Some(4),
+            Overlap::Bits256 => Some(16),
+        }
+    }
+
     /// Sizes of the runs: about 32 K uops each, with more for each test where samples are compared.
     fn run_sizes(self) -> RunSizes {
         RunSizes(match self {
@@ -232,19 +243,21 @@ fn run_light(
     if light.is_soft() {
         runner.phase(&SOFT);
         let walk = Walk::new(Kind::Edges, &grid, &raster, &runs);
-        match overlap {
-            Overlap::Sum => {
+        match overlap.groups() {
+            None => {
                 hidden = cut.map(|cut| cut.parts(light, &grid, runner)).transpose()?;
                 soft::sum(walk, &primitives, sums, runner)?;
             }
-            Overlap::Bits64 => hidden = bits::cover(walk, 4, &primitives, &grid, &runs, sums, cut, runner)?,
-            Overlap::Bits256 => {
-                hidden = bits::cover(walk, 16, &primitives, &grid, &runs, sums, cut, runner)?;
+            Some(groups) => {
+                let samples = LightSamples::new(runner.arena, groups);
+                hidden = cut.map(|cut| cut.samples(light, samples, &grid, runner)).transpose()?;
+                let compared = Compared { samples, hidden };
+                bits::cover(walk, compared, &primitives, &grid, &runs, sums, runner)?;
             }
         }
     }
 
     runner.phase(&COMPOSE);
-    compose::compose(&grid, &runs, sums, own, hidden, overlap, picture, runner)?;
+    compose::compose(&grid, &runs, sums, Apart { own, cut: hidden }, overlap, picture, runner)?;
     Ok(Arrays { primitives, grid, runs, sums, visibility: picture.visibility })
 }
