@@ -26,7 +26,7 @@ use lrbsim_kernels::columns::{Columns, lanes_below, task_range};
 use lrbsim_kernels::scene::{Triangle, Vertex};
 use lrbsim_kernels::{clear, field};
 use lrbsim_machine::{Chip, Fidelity, MachineConfig, builtin_machine};
-use lrbsim_workloads::adjacency::{NO_COMPONENT, Stance, stances};
+use lrbsim_workloads::adjacency::{Aspect, NO_COMPONENT, Stance, stances};
 use lrbsim_workloads::glam::DVec3;
 use lrbsim_workloads::{Adjacency, Counting, EyeView, ShadowInput, load_scene};
 
@@ -350,7 +350,8 @@ fn measure(scene_name: &str) -> Result<Vec<(&'static str, u64)>, Error> {
     let adjacency = Adjacency::new(&scene.mesh);
     let eye = EyeView::render(&scene.mesh, &scene.camera, scene.image.width, scene.image.height);
     let input = ShadowInput::new(&scene, &adjacency, &eye);
-    let light = scene.light.center();
+    // About the place that the host takes for the middle: a hair off planes that hold it exactly.
+    let light = Aspect::new(&scene.light, &scene.mesh, &adjacency).middle;
     let text = builtin_machine(MACHINE).ok_or("the machine is not shipped")?;
     let spec = serde_json::from_str::<MachineConfig>(text)?.validate()?;
     let mut chip = Chip::new(&spec, Fidelity::Windowed, 1);

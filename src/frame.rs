@@ -22,7 +22,7 @@ use crate::reference::ReferenceRequest;
 
 /// Version of what the simulator's numbers mean. Raise it whenever the same inputs give other numbers: finished points of
 /// an older version are then run again. The test `results_that_change_raise_the_version` reminds of it.
-pub const SEMANTICS: u32 = 8;
+pub const SEMANTICS: u32 = 9;
 
 /// Frames at most before the measured one: the caches are as warm as they get after a few.
 const WARM_FRAMES_MAX: u32 = 1000;
@@ -287,9 +287,9 @@ fn warnings(scene: &Scene, adjacency: &Adjacency, eye: &EyeView) -> Vec<Warning>
     warnings.extend(scene.warnings(adjacency).iter().map(|warning| Warning {
         kind: match warning {
             SceneWarning::LeftOut { .. } => WarningKind::LinesLeftOut,
-            SceneWarning::LightTouches { .. } | SceneWarning::LightEnclosed { .. } => {
-                WarningKind::LightInGeometry
-            }
+            SceneWarning::LightTouches { .. }
+            | SceneWarning::LightHuge { .. }
+            | SceneWarning::LightEnclosed { .. } => WarningKind::LightInGeometry,
         },
         message: warning.to_string(),
     }));

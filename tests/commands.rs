@@ -134,12 +134,16 @@ fn what_is_left_out_of_a_model_is_told() {
 }
 
 #[test]
-fn a_light_that_touches_something_is_told_with_the_radius_that_counts() {
+fn a_light_that_is_cut_by_too_much_is_told_with_the_radius_that_counts() {
     let folder = Folder::new();
     let run = ["run", "tiny", "--fidelity", "functional", "--light-radius"];
-    folder.run(&[&run[..], &["0.05"]].concat()).ok();
+    let printed = folder.run(&[&run[..], &["0.5"]].concat()).ok().stdout();
+    assert!(!printed.contains("warning: "), "{printed}");
     let printed = folder.run(&[&run[..], &["3"]].concat()).ok().stdout();
-    assert!(printed.contains("warning: the light touches a triangle of `"), "{printed}");
+    assert!(
+        printed.contains("warning: the light is cut by 80 triangles, and shadows are right for 64: "),
+        "{printed}"
+    );
 }
 
 #[test]

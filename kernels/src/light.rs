@@ -171,48 +171,73 @@ impl<V: Vpu> View<V> {
     pub fn clip(&self, v: &mut V, live: V::Mask, a: &mut Seen<V>, b: &mut Seen<V>) -> V::Mask {
         let least = v.vset_f32(HEIGHT_MIN);
         let low = v.vmul(self.height, least);
-        let high = self.height;
-        let lower = v.vmin(a[2], b[2]);
-        let upper = v.vmax(a[2], b[2]);
-        let inside = v.vcmp_ge(lower, low);
-        let inside = v.vcmp_le_masked(inside, upper, high);
-        let cut = v.kandn(inside, live);
-        if !v.branch_any(cut) {
-            return live;
-        }
-        // Parameters at which the edge crosses the two heights; its end points where it does not.
+        clip_between(v, live, low, self.height, a, b)
+    }
+
+    /// A point `vertex` (light-centred) in this frame moved to the middle of the light: its height is that over the light's plane, and
+    /// what is near the middle keeps its digits.
+    #[inline(always)]
+    pub fn see_from_middle(&self, v: &mut V, vertex: Vec3<V>) -> Seen<V> {
+        [dot(v, vertex, self.s), dot(v, vertex, self.t), dot(v, vertex, self.axis)]
+    }
+
+    /// Height over the light's plane, which is negative, from which on points are above the receiver.
+    #[inline(always)]
+    pub fn lowest_from_middle(&self, v: &mut V) -> V::F32 {
+        let part = v.vset_f32(HEIGHT_MIN - 1.0);
+        v.vmul(self.height, part)
+    }
+
+    /// As [`View::clip`], for points that are seen from the middle.
+    ///
+    /// In the plane of the light an edge is cut from its end that is nearer to that plane: a corner next to the middle would else lose
+    /// the digits that say on which side of the middle its edge passes.
+    #[inline(always)]
+    pub fn clip_from_middle(&self, v: &mut V, live: V::Mask, a: &mut Seen<V>, b: &mut Seen<V>) -> V::Mask {
         let zero = v.vset_f32(0.0);
-        let one = v.vset_f32(1.0);
-        let rise = v.vsub(b[2], a[2]);
-        let per_rise = v.vrcp(rise);
-        let to_low = v.vsub(low, a[2]);
-        let to_high = v.vsub(high, a[2]);
-        let at_low = v.vmul(to_low, per_rise);
-        let at_high = v.vmul(to_high, per_rise);
-        let rising = v.vcmp_gt(rise, zero);
-        let enter = v.vblend_f32(rising, at_low, at_high);
-        let leave = v.vblend_f32(rising, at_high, at_low);
-        let enter = v.vmax(enter, zero);
-        let leave = v.vmin(leave, one);
-        // A level edge is inside or outside as a whole.
-        let level = v.vcmp_eq(rise, zero);
-        let sloped = v.kandn(level, cut);
-        let left = v.vcmp_lt_masked(sloped, enter, leave);
-        let untouched = v.kand(inside, live);
-        let live = v.kor(untouched, left);
-        // Move the end points of the lanes that are cut; the other end stays as it is where it was inside.
-        let moves_a = v.vcmp_gt_masked(left, enter, zero);
-        let moves_b = v.vcmp_lt_masked(left, leave, one);
-        for i in 0..3 {
-            let span = v.vsub(b[i], a[i]);
-            let from = a[i];
-            a[i] = v.vmadd_or(from, moves_a, span, enter, from);
-            b[i] = v.vmadd_or(b[i], moves_b, span, leave, from);
+        let a_over = v.vcmp_gt(a[2], zero);
+        let b_over = v.vcmp_gt(b[2], zero);
+        let beyond = v.kand(a_over, b_over);
+        let live = v.kandn(beyond, live);
+        let crosses = v.kxor(a_over, b_over);
+        let crosses = v.kand(crosses, live);
+        if v.branch_any(crosses) {
+            let of_a = v.vabs(a[2]);
+            let of_b = v.vabs(b[2]);
+            let from_a = v.vcmp_le(of_a, of_b);
+            let both = v.vadd(of_a, of_b);
+            let per_rise = v.vrcp(both);
+            let nearer = v.vmin(of_a, of_b);
+            let part = v.vmul(nearer, per_rise);
+            let moves_a = v.kand(crosses, a_over);
+            let moves_b = v.kand(crosses, b_over);
+            for i in 0..3 {
+                let near = v.vblend_f32(from_a, a[i], b[i]);
+                let far = v.vblend_f32(from_a, b[i], a[i]);
+                let span = v.vsub(far, near);
+                let at = v.vmadd(span, part, near);
+                let at = if i == 2 { zero } else { at };
+                a[i] = v.vblend_f32(moves_a, at, a[i]);
+                b[i] = v.vblend_f32(moves_b, at, b[i]);
+            }
         }
-        // Rounding must not leave a cut end on the wrong side.
-        a[2] = v.vmax_or(a[2], moves_a, a[2], low);
-        b[2] = v.vmax_or(b[2], moves_b, b[2], low);
-        live
+        // What is nearer to the receiver than its own neighborhood lies far from the middle: as any other edge.
+        let low = self.lowest_from_middle(v);
+        clip_between(v, live, low, zero, a, b)
+    }
+
+    /// As [`View::project`], for a point that is seen from the middle: one in the light's plane stays where it is.
+    #[inline(always)]
+    pub fn project_from_middle(&self, v: &mut V, seen: Seen<V>) -> Vec2<V> {
+        let over = v.vadd(self.height, seen[2]);
+        let inverse = v.vrcp(over);
+        let per_height = v.vmul(self.scale, inverse);
+        let Some(foot) = self.foot else {
+            return [v.vmul(seen[0], per_height), v.vmul(seen[1], per_height)];
+        };
+        let stretch = v.vmul(self.height, inverse);
+        let from_foot = [v.vnmadd(foot[0], stretch, foot[0]), v.vnmadd(foot[1], stretch, foot[1])];
+        [v.vmadd(seen[0], per_height, from_foot[0]), v.vmadd(seen[1], per_height, from_foot[1])]
     }
 
     /// The line in which a plane through each receiver, of this `normal`, cuts the light's plane: two places of it, on either
@@ -267,6 +292,59 @@ fn turned<V: Vpu>(v: &mut V, around: V::Mask, x: Vec3<V>) -> Vec3<V> {
 #[inline(always)]
 fn constant<V: Vpu>(v: &mut V, x: DVec3) -> Vec3<V> {
     each!(axis in [0, 1, 2] => v.vset_f32(x[axis] as f32))
+}
+
+/// Clips `a -> b` to heights from `low` to `high`; the lanes of `live` in which some of it is left.
+#[inline(always)]
+fn clip_between<V: Vpu>(
+    v: &mut V,
+    live: V::Mask,
+    low: V::F32,
+    high: V::F32,
+    a: &mut Seen<V>,
+    b: &mut Seen<V>,
+) -> V::Mask {
+    let lower = v.vmin(a[2], b[2]);
+    let upper = v.vmax(a[2], b[2]);
+    let inside = v.vcmp_ge(lower, low);
+    let inside = v.vcmp_le_masked(inside, upper, high);
+    let cut = v.kandn(inside, live);
+    if !v.branch_any(cut) {
+        return live;
+    }
+    // Parameters at which the edge crosses the two heights; its end points where it does not.
+    let zero = v.vset_f32(0.0);
+    let one = v.vset_f32(1.0);
+    let rise = v.vsub(b[2], a[2]);
+    let per_rise = v.vrcp(rise);
+    let to_low = v.vsub(low, a[2]);
+    let to_high = v.vsub(high, a[2]);
+    let at_low = v.vmul(to_low, per_rise);
+    let at_high = v.vmul(to_high, per_rise);
+    let rising = v.vcmp_gt(rise, zero);
+    let enter = v.vblend_f32(rising, at_low, at_high);
+    let leave = v.vblend_f32(rising, at_high, at_low);
+    let enter = v.vmax(enter, zero);
+    let leave = v.vmin(leave, one);
+    // A level edge is inside or outside as a whole.
+    let level = v.vcmp_eq(rise, zero);
+    let sloped = v.kandn(level, cut);
+    let left = v.vcmp_lt_masked(sloped, enter, leave);
+    let untouched = v.kand(inside, live);
+    let live = v.kor(untouched, left);
+    // Move the end points of the lanes that are cut; the other end stays as it is where it was inside.
+    let moves_a = v.vcmp_gt_masked(left, enter, zero);
+    let moves_b = v.vcmp_lt_masked(left, leave, one);
+    for i in 0..3 {
+        let span = v.vsub(b[i], a[i]);
+        let from = a[i];
+        a[i] = v.vmadd_or(from, moves_a, span, enter, from);
+        b[i] = v.vmadd_or(b[i], moves_b, span, leave, from);
+    }
+    // Rounding must not leave a cut end on the wrong side.
+    a[2] = v.vmax_or(a[2], moves_a, a[2], low);
+    b[2] = v.vmax_or(b[2], moves_b, b[2], low);
+    live
 }
 
 /// Two unit vectors at right angles to the unit vector `n` and to each other [duff17].

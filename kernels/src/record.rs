@@ -146,6 +146,12 @@ impl<V: Vpu, R> Record<V, R> {
         v.vbroadcast_f32(self.records.field(field), self.index)
     }
 
+    /// A field of the record that is a number of something, in every lane. One broadcast load.
+    #[inline(always)]
+    pub fn number(self, v: &mut V, field: Field<R, u32>) -> V::I32 {
+        v.vbroadcast_i32(self.records.field(field), self.index)
+    }
+
     /// A field of the record that is an integer, in every lane. One broadcast load.
     #[inline(always)]
     pub fn int(self, v: &mut V, field: Field<R, i32>) -> V::I32 {

@@ -266,7 +266,7 @@ impl Lanewise<4, 1> for Visible {
     #[inline(always)]
     fn eval<V: Vpu>(&self, v: &mut V, x: [V::F32; 4]) -> [V::F32; 1] {
         let i = x.map(|x| v.vcvt_f32_i32(x));
-        [visible(v, [i[0], i[1]], Some([i[2], i[3]]))]
+        [visible(v, [i[0], i[1]], Some([i[2], i[3]]), None)]
     }
 }
 

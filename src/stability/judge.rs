@@ -40,11 +40,8 @@ pub(super) fn judge(scene: &Scene, algorithm: &Algorithm, host: HostOptions) -> 
     let step = pairs.div_ceil(PAIRS_MAX).min(receivers / RECEIVERS_MIN).max(1);
     let some = every(step, &eye);
     let ours: Vec<f64> = every_number(step, &visibility);
-    let of_scene = Occluders::from_mesh(&scene.mesh, &adjacency, &scene.light).visibility_of_view(
-        &adjacency,
-        &scene.light,
-        &some,
-    );
+    let of_scene =
+        Occluders::from_mesh(&scene.mesh, &adjacency, &scene.light).visibility_of_view(&adjacency, &some);
     let of_input = Occluders::from_input(&input);
     let rounded: Vec<f64> = {
         let few = ShadowInput {

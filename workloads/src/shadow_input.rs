@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::adjacency::{Adjacency, Counting, Stance, is_degenerate, stances};
+use crate::adjacency::{Adjacency, Aspect, Counting, CutTriangle, Stance, is_degenerate};
 use crate::eye::EyeView;
 use crate::light::{Light, LightShape};
 use crate::mesh::Mesh;
@@ -28,9 +28,11 @@ pub struct ShadowInput {
     pub light_shape: LightShape,
     /// Vertex positions, light-centred and scaled.
     pub vertices: Vec<[f32; 3]>,
-    /// Corners of each triangle. Triangles that must not count (degenerate, there twice, or with the light on them)
+    /// Corners of each triangle. Triangles that must not count (degenerate, there twice, with the light on them, or in `cut`)
     /// have one corner three times, so that every determinant is exactly 0. Closed bodies around the light run inward.
     pub triangles: Vec<[u32; 3]>,
+    /// Triangles that the light is cut by.
+    pub cut: Vec<CutTriangle>,
     /// Counting rule of each triangle.
     pub counting: Vec<Counting>,
     /// Vertex pairs, `v[0] < v[1]`.
@@ -67,7 +69,7 @@ impl ShadowInput {
 
     /// Forms the input of one frame about `light`.
     fn about(light: &Light, mesh: &Mesh, adjacency: &Adjacency, eye: &EyeView) -> Self {
-        let origin = light.center();
+        let Aspect { middle: origin, stance, counting, cut, .. } = Aspect::new(light, mesh, adjacency);
         let largest = mesh
             .positions
             .iter()
@@ -77,7 +79,6 @@ impl ShadowInput {
         let scale_log2 = exponent(largest);
         let scaled = |p: DVec3| scale_by_power(p - origin, -scale_log2).as_vec3().to_array();
 
-        let stance = stances(mesh, adjacency, origin);
         let triangles = (0..mesh.triangles.len())
             .map(|t| {
                 let counts = adjacency.stands_for[t] as usize == t && !is_degenerate(mesh, t);
@@ -101,7 +102,8 @@ impl ShadowInput {
             .map(|v| v.as_vec3().as_dvec3()),
             vertices: mesh.positions.iter().map(|&p| scaled(p)).collect(),
             triangles,
-            counting: adjacency.counting.clone(),
+            cut,
+            counting,
             edges: adjacency.edges.clone(),
             edge_first: adjacency.edge_first.clone(),
             edge_faces: adjacency.edge_faces.iter().map(turn).collect(),

@@ -21,7 +21,8 @@ use lrbsim_workloads::glam::DVec2;
 use lrbsim_workloads::reference::spiral;
 
 use super::Sums;
-use super::own::Own;
+use super::cut::{CutSamples, Hidden};
+use super::own::{Own, OwnTriangles};
 use super::soft::{WHOLE, on_disc, view};
 use crate::columns::Columns;
 use crate::expression::{each, int, scalar};
@@ -56,30 +57,79 @@ struct Turn {
     sin: f32,
 }
 
-/// Finds which of `16 * groups` samples of the light are covered, `groups` at most [`GROUPS_MAX`], for every sample in a block that holds edges: the covered
-/// part, in fixed point, to [`Sums::coverage`]`[0]`. One task a run.
+/// Finds which samples of the light are covered, for every sample in a block that holds edges: the covered part, in fixed
+/// point, to [`Sums::coverage`]`[0]`. One task a run.
 pub fn cover(
     walk: Walk,
-    groups: usize,
+    compared: Compared,
     primitives: &Primitives,
     grid: &Grid,
     runs: &Runs,
     sums: Columns<Sums>,
     runner: &mut Runner<'_>,
 ) -> Result<(), Stopped> {
-    let outline = primitives.light.shape.outline();
-    let bits = Bits {
-        walk,
-        groups,
-        own: Own { primitives: *primitives },
-        grid: *grid,
-        splits: runs.splits,
-        sums,
-        samples: put_samples(runner.arena, outline, groups as u32 * 16),
-        turns: put_turns(runner.arena, outline),
-    };
+    let own = Own { primitives: *primitives };
+    let bits = Bits { walk, compared, own, grid: *grid, splits: runs.splits, sums };
     // SAFETY: each task writes the sums of its own samples: a sample lies in one run.
     runner.run(&unsafe { Step::independent("soft", walk.run_count(), bits) })
+}
+
+/// The samples of the light, and what is known of them before edges are compared with them.
+#[derive(Clone, Copy)]
+pub struct Compared {
+    /// The samples of the light.
+    pub samples: LightSamples,
+    /// Those that triangles hide which the light is cut by; `None` where there are no such triangles.
+    pub hidden: Option<Hidden>,
+}
+
+/// The samples of the light, and the directions that they are turned to.
+#[derive(Clone, Copy)]
+pub struct LightSamples {
+    /// Number of groups of 16 samples, at most [`GROUPS_MAX`].
+    pub groups: usize,
+    samples: Columns<LightSample>,
+    turns: Columns<Turn>,
+}
+
+impl LightSamples {
+    /// Puts `groups` groups of 16 samples of a light of this outline into the arena, untimed: constants of the program.
+    pub fn new(arena: &mut Arena, outline: Outline, groups: usize) -> LightSamples {
+        let samples = put_samples(arena, outline, groups as u32 * 16);
+        LightSamples { groups, samples, turns: put_turns(arena, outline) }
+    }
+
+    /// The light as 16 receivers see it, turned for their samples: by the pixel, so that a picture does not depend on the order of
+    /// the samples.
+    #[inline(always)]
+    pub fn turned<V: Vpu>(
+        &self,
+        v: &mut V,
+        view: View<V>,
+        grid: &Grid,
+        live: V::Mask,
+        receiver: V::I32,
+    ) -> View<V> {
+        let none = v.vset_i32(0);
+        let zero = v.vset_f32(0.0);
+        let receivers = grid.receivers.columns;
+        let pixel = v.vgather_i32_or(none, live, receivers.column(field!(Receiver.pixel)), receiver);
+        let golden = v.vset_i32(0x9e37_79b9_u32 as i32);
+        let shift = v.vset_i32(32 - TURNS.trailing_zeros() as i32);
+        let turn = int!(v, (pixel * golden) >> shift);
+        let cos = v.vgather_f32_or(zero, live, self.turns.column(field!(Turn.cos)), turn);
+        let sin = v.vgather_f32_or(zero, live, self.turns.column(field!(Turn.sin)), turn);
+        view.turned(v, cos, sin)
+    }
+
+    /// Sample `number` of the light in every lane, in radii.
+    #[inline(always)]
+    pub fn place<V: Vpu>(&self, v: &mut V, number: usize) -> Vec2<V> {
+        let number = v.s_imm(number as i32);
+        each!(axis in [0, 1] => {
+            v.vbroadcast_f32(self.samples.column(field!(LightSample.place[axis])), number)
+        })
+    }
 }
 
 /// Puts the samples of the light into the arena, untimed: constants of the program.
@@ -128,15 +178,12 @@ fn put_turns(arena: &mut Arena, outline: Outline) -> Columns<Turn> {
 /// Finds the covered samples of the light for the samples of a run.
 struct Bits {
     walk: Walk,
-    /// Number of groups of 16 samples of the light.
-    groups: usize,
+    compared: Compared,
     own: Own,
     grid: Grid,
     /// Which blocks have layers.
     splits: Columns<Split>,
     sums: Columns<Sums>,
-    samples: Columns<LightSample>,
-    turns: Columns<Turn>,
 }
 
 /// What covers the light of 16 receivers, as far as their cell's edges have been seen.
@@ -152,14 +199,23 @@ struct Covered<V: Vpu> {
 }
 
 /// Edges on the discs of 16 receivers, as samples are compared with them.
-struct Crossing<V: Vpu> {
+pub struct Crossing<V: Vpu> {
     /// Ends of the edges, whose wedges are looked at.
     ends: [Vec2<V>; 2],
     /// A sample at s is beyond the edge where `along x s > offset`.
     along: Vec2<V>,
     offset: V::F32,
     /// What is added to the counts beyond: to that of F, and 65 536 times to that of B.
-    step: V::I32,
+    pub step: V::I32,
+}
+
+impl<V: Vpu> Crossing<V> {
+    /// The lanes whose `place` is beyond the line of the edge.
+    #[inline(always)]
+    pub fn beyond(&self, v: &mut V, place: Vec2<V>) -> V::Mask {
+        let across = cross2(v, self.along, place);
+        v.vcmp_gt(across, self.offset)
+    }
 }
 
 impl Kernel for Bits {
@@ -189,7 +245,9 @@ impl Bits {
     #[inline(always)]
     fn places<V: Vpu>(&self, v: &mut V, group: usize) -> Vec2<V> {
         let first = v.s_imm(group as i32 * 16);
-        each!(axis in [0, 1] => v.vload_f32(self.samples.column(field!(LightSample.place[axis])), first))
+        each!(axis in [0, 1] => {
+            v.vload_f32(self.compared.samples.samples.column(field!(LightSample.place[axis])), first)
+        })
     }
 
     /// Adds to the counts of the receivers in `live` what the edges in `crossing` change.
@@ -212,7 +270,7 @@ impl Bits {
             let step = v.vpermute(crossing.step, lane_number);
             let [a, b] = crossing.ends;
             let (a, b) = ([of(v, a[0]), of(v, a[1])], [of(v, b[0]), of(v, b[1])]);
-            for (group, count) in counts[..self.groups].iter_mut().enumerate() {
+            for (group, count) in counts[..self.compared.samples.groups].iter_mut().enumerate() {
                 let place = self.places(v, group);
                 let across = cross2(v, along, place);
                 let beyond = v.vcmp_gt(across, offset);
@@ -239,20 +297,13 @@ impl Shade for Bits {
     #[inline(always)]
     fn begin<V: Vpu>(&self, v: &mut V, samples: &Samples<V>) -> Covered<V> {
         let none = v.vset_i32(0);
-        let zero = v.vset_f32(0.0);
         let live = samples.live;
         let receivers = self.grid.receivers.columns;
         let receiver =
             v.vload_i32_or(none, live, self.grid.samples.column(field!(Sample.receiver)), samples.first);
 
-        // By the pixel, so that a picture does not depend on the order of the samples.
-        let pixel = v.vgather_i32_or(none, live, receivers.column(field!(Receiver.pixel)), receiver);
-        let golden = v.vset_i32(0x9e37_79b9_u32 as i32);
-        let shift = v.vset_i32(32 - TURNS.trailing_zeros() as i32);
-        let turn = int!(v, (pixel * golden) >> shift);
-        let cos = v.vgather_f32_or(zero, live, self.turns.column(field!(Turn.cos)), turn);
-        let sin = v.vgather_f32_or(zero, live, self.turns.column(field!(Turn.sin)), turn);
-        let view = view(v, &self.own.primitives.light, samples.position).turned(v, cos, sin);
+        let view = view(v, &self.own.primitives.light, samples.position);
+        let view = self.compared.samples.turned(v, view, &self.grid, live, receiver);
 
         let layers = self.layers(v, samples);
         let mut state = Covered { view, layers, counts: [[None; GROUPS_MAX]; 16], horizon: None };
@@ -261,17 +312,7 @@ impl Shade for Bits {
         let number = v.vgather_i32_or(none, live, receivers.column(field!(Receiver.triangle)), receiver);
         let triangles = self.own.triangles(v, live, number);
         if v.branch_any(triangles.cut) {
-            let (cut, [from, to]) = self.own.horizon(v, &state.view, &triangles);
-            let weights = each!(layer in [FRONT, BACK] => {
-                let counted = self.own.counted(v, &triangles, layer);
-                let one = v.vset_i32(1);
-                v.vblend_i32(counted, one, none)
-            });
-            let step = together(v, weights);
-            // Beyond is where the middle is not.
-            let middle = cross2(v, from, to);
-            let left = v.vcmp_gt(middle, zero);
-            let crossing = crossing(v, [from, to], left, step);
+            let (cut, crossing) = horizon(v, &self.own, &state.view, &triangles);
             let lanes = v.kmov_to_scalar(cut);
             state.horizon = Some((lanes, crossing));
         }
@@ -348,7 +389,7 @@ impl Shade for Bits {
         let whole = v.vset_i32(WHOLE as i32);
         let hidden = v.vicmp_neq(state.layers, none);
         let mut covered = v.vblend_i32(hidden, whole, none);
-        let per_sample = (WHOLE as i32 / (self.groups as i32 * 16)).trailing_zeros() as i32;
+        let per_sample = (WHOLE as i32 / (self.compared.samples.groups as i32 * 16)).trailing_zeros() as i32;
         let nothing = v.s_imm(0);
         for (lane, counts) in state.counts.iter().enumerate() {
             // Whether a receiver has counts on the stack, one bit says, which the thread keeps.
@@ -359,7 +400,7 @@ impl Shade for Bits {
                 let bit = scalar!(v, lanes & { 1 << lane });
                 v.branch(Compare::NotEqual, bit, nothing).then_some(crossing)
             });
-            if !has_counts && horizon.is_none() {
+            if !has_counts && horizon.is_none() && self.compared.hidden.is_none() {
                 continue;
             }
             let lane_number = v.vset_i32(lane as i32);
@@ -376,7 +417,7 @@ impl Shade for Bits {
                 )),
             };
             let mut number = v.s_imm(0);
-            for (group, count) in counts[..self.groups].iter().enumerate() {
+            for (group, count) in counts[..self.compared.samples.groups].iter().enumerate() {
                 let mut count = match *count {
                     Some(count) => v.vunstack_i32(count),
                     None => v.vpermute(state.layers, lane_number),
@@ -387,7 +428,14 @@ impl Shade for Bits {
                     let beyond = v.vcmp_gt(across, offset);
                     count = v.viadd_or(count, beyond, count, step);
                 }
-                let hidden = v.vicmp_neq(count, none);
+                let mut hidden = v.vicmp_neq(count, none);
+                if let Some(Hidden::Samples(samples_hidden, _)) = self.compared.hidden {
+                    let first = samples.first;
+                    let sample = scalar!(v, first + { lane as i32 });
+                    let by_cut = v.s_load(samples_hidden.column(field!(CutSamples.groups[group])), sample);
+                    let by_cut = v.kmov_from_scalar(by_cut);
+                    hidden = v.kor(hidden, by_cut);
+                }
                 let bits = v.kmov_to_scalar(hidden);
                 let more = v.s_popcnt(bits);
                 number = scalar!(v, number + more);
@@ -407,6 +455,29 @@ impl Shade for Bits {
 fn together<V: Vpu>(v: &mut V, [front, back]: [V::I32; 2]) -> V::I32 {
     let half = v.vset_i32(16);
     int!(v, front + (back << half))
+}
+
+/// How samples are compared with the horizons of receivers on `triangles`: beyond is where the middle of the light is not. First,
+/// the lanes whose horizon cuts the light.
+#[inline(always)]
+pub fn horizon<V: Vpu>(
+    v: &mut V,
+    own: &Own,
+    view: &View<V>,
+    triangles: &OwnTriangles<V>,
+) -> (V::Mask, Crossing<V>) {
+    let none = v.vset_i32(0);
+    let zero = v.vset_f32(0.0);
+    let one = v.vset_i32(1);
+    let (cut, [from, to]) = own.horizon(v, view, triangles);
+    let weights = each!(layer in [FRONT, BACK] => {
+        let counted = own.counted(v, triangles, layer);
+        v.vblend_i32(counted, one, none)
+    });
+    let step = together(v, weights);
+    let middle = cross2(v, from, to);
+    let left = v.vcmp_gt(middle, zero);
+    (cut, crossing(v, [from, to], left, step))
 }
 
 /// How samples are compared with edges `a -> b` on the disc: those are beyond that do not lie where the middle does. `left`:

@@ -4,11 +4,12 @@
 
 use lrbsim_isa::{Compare, Kernel, Runner, Step, Stopped, Vpu};
 
+use super::cut::{CutParts, CutSamples, Hidden};
 use super::own::Own;
 use super::soft::WHOLE;
 use super::{Overlap, Picture, Sums};
 use crate::columns::{Columns, lanes_below, lower, task_range};
-use crate::expression::{each, scalar};
+use crate::expression::{each, int, scalar};
 use crate::field;
 use crate::irregular::grid::{Grid, Sample};
 use crate::irregular::receivers::Receiver;
@@ -26,14 +27,24 @@ pub fn compose(
     grid: &Grid,
     runs: &Runs,
     sums: Columns<Sums>,
-    own: Option<Own>,
+    apart: Apart,
     overlap: Overlap,
     picture: Picture,
     runner: &mut Runner<'_>,
 ) -> Result<(), Stopped> {
-    let compose = Compose { grid: *grid, splits: runs.splits, sums, own, overlap, picture };
+    let Apart { own, cut } = apart;
+    let compose = Compose { grid: *grid, splits: runs.splits, sums, own, cut, overlap, picture };
     // SAFETY: each task writes the pixels of its own samples: a receiver has a pixel of its own.
     runner.run(&unsafe { Step::independent("compose", grid.receivers.count.div_ceil(TASK), compose) })
+}
+
+/// Triangles that sums of layers and edges do not have right.
+#[derive(Clone, Copy)]
+pub struct Apart {
+    /// What takes out own triangles; `None` for a point light, whose sums have no parts.
+    pub own: Option<Own>,
+    /// What triangles hide that the light is cut by; `None` where there are none.
+    pub cut: Option<Hidden>,
 }
 
 struct Compose {
@@ -43,6 +54,8 @@ struct Compose {
     sums: Columns<Sums>,
     /// What takes out own triangles; `None` for a point light, whose sums have no parts.
     own: Option<Own>,
+    /// What triangles hide that the light is cut by; `None` where there are none.
+    cut: Option<Hidden>,
     /// Whether parts are summed here, or have been compared with one another.
     overlap: Overlap,
     picture: Picture,
@@ -109,7 +122,7 @@ impl Compose {
     /// Composes samples `first..end` of a block.
     #[inline(always)]
     fn block<V: Vpu>(&self, v: &mut V, block: V::S32, first: V::S32, end: V::S32) {
-        let Compose { grid, splits, sums, own, overlap, .. } = self;
+        let Compose { grid, splits, sums, own, cut, overlap, .. } = self;
         let none = v.vset_i32(0);
         let nothing = v.s_imm(0);
         let [has_layers, has_parts] = each!(kind in [0, 1] => {
@@ -144,6 +157,10 @@ impl Compose {
                     });
                 }
             }
+            let cut = match cut {
+                Some(cut) if !is_covered => Some(hidden_by_cut(v, cut, live, i)),
+                _ => None,
+            };
             let visible = match parts {
                 Some([covered, _]) if is_covered => {
                     let unit = v.vset_f32(1.0 / WHOLE);
@@ -151,8 +168,8 @@ impl Compose {
                     let covered = v.vcvt_i32_f32(covered);
                     v.vnmadd(covered, unit, one)
                 }
-                None if !has_layers => v.vset_f32(1.0),
-                _ => visible(v, layers, parts),
+                None if !has_layers && cut.is_none() => v.vset_f32(1.0),
+                _ => visible(v, layers, parts, cut),
             };
             let pixel =
                 v.vgather_i32_or(none, live, grid.receivers.columns.column(field!(Receiver.pixel)), receiver);
@@ -163,14 +180,42 @@ impl Compose {
     }
 }
 
-/// Visible part of the light, from layers and fixed-point parts in F and B: `1 - min(max(|F|, |B|, |F - B|), 1)`.
+/// What triangles hide that the light is cut by, in F and B, in fixed point: of the 16 samples from `i` on.
+#[inline(always)]
+fn hidden_by_cut<V: Vpu>(v: &mut V, cut: &Hidden, live: V::Mask, i: V::S32) -> [V::I32; 2] {
+    let none = v.vset_i32(0);
+    match *cut {
+        Hidden::Parts(parts) => {
+            each!(k in [0, 1] => v.vload_i32_or(none, live, parts.column(field!(CutParts.parts[k])), i))
+        }
+        Hidden::Samples(samples, groups) => {
+            let half = v.vset_i32(16);
+            let mut count = none;
+            for group in 0..groups {
+                let word = v.vload_i32_or(none, live, samples.column(field!(CutSamples.groups[group])), i);
+                count = int!(v, count + (word >> half));
+            }
+            let per_sample = v.vset_i32(WHOLE as i32 / (groups as i32 * 16));
+            let part = int!(v, count * per_sample);
+            [part; 2]
+        }
+    }
+}
+
+/// Visible part of the light, from layers and fixed-point parts in F and B: `1 - min(max(|F|, |B|, |F - B|), 1)`; each with what
+/// triangles hide that the light is cut by, `|F| + F'`, `|B| + B'` and `|F - B| + min(F', B')`, which has a sign of its own.
 ///
 /// The sign: a face that has receiver and middle of the light on one side covers part of the light from there, but runs
 /// the other way round than seen from the middle, so that its part comes out negative. No layer is between then, and the
 /// size of the sum is what it covers: exactly for a sheet, at most for a body. Where F and B differ in sign, they cover
 /// different parts: what hides the middle, and faces behind the terminator that hide what lies above it.
 #[inline(always)]
-pub fn visible<V: Vpu>(v: &mut V, layers: [V::I32; 2], parts: Option<[V::I32; 2]>) -> V::F32 {
+pub fn visible<V: Vpu>(
+    v: &mut V,
+    layers: [V::I32; 2],
+    parts: Option<[V::I32; 2]>,
+    cut: Option<[V::I32; 2]>,
+) -> V::F32 {
     let one = v.vset_f32(1.0);
     let mut coverage = |i: usize| {
         let layers = v.vcvt_i32_f32(layers[i]);
@@ -185,9 +230,18 @@ pub fn visible<V: Vpu>(v: &mut V, layers: [V::I32; 2], parts: Option<[V::I32; 2]
     };
     let (front, back) = (coverage(0), coverage(1));
     let apart = v.vsub(front, back);
-    let apart = v.vabs(apart);
-    let front = v.vabs(front);
-    let back = v.vabs(back);
+    let mut apart = v.vabs(apart);
+    let mut front = v.vabs(front);
+    let mut back = v.vabs(back);
+    if let Some([in_front, in_back]) = cut {
+        let unit = v.vset_f32(1.0 / WHOLE);
+        let in_both = v.vimin(in_front, in_back);
+        let [in_front, in_back, in_both] =
+            each!(part in [in_front, in_back, in_both] => v.vcvt_i32_f32(part));
+        front = v.vmadd(in_front, unit, front);
+        back = v.vmadd(in_back, unit, back);
+        apart = v.vmadd(in_both, unit, apart);
+    }
     let covered = v.vmax(front, back);
     let covered = v.vmax(covered, apart);
     let covered = v.vmin(covered, one);

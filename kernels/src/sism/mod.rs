@@ -6,6 +6,7 @@
 //! irregular: bin          triangles and edges to bins
 //! irregular: raster, run  … to (cell, primitive) records, and samples to runs of equal work
 //! hard                    layers between each sample and the light
+//! cut                     what triangles hide that the light is cut by: in few scenes there are any
 //! soft                    signed parts of the light's disc
 //! compose                 own triangles taken out, one clamp, visibility to the pixels
 //! ```
@@ -15,6 +16,7 @@ pub mod hard;
 pub mod soft;
 pub mod compose;
 pub mod own;
+pub mod cut;
 pub mod bits;
 pub mod printed;
 pub mod kept;
@@ -33,6 +35,9 @@ use crate::irregular::run::{RunSizes, Runs, Walk};
 use crate::method::{Method, Shadows};
 use crate::scene::Scene;
 use crate::segment::Angle;
+use bits::{Compared, LightSamples};
+use compose::Apart;
+use cut::CutTriangles;
 use kept::Kept;
 use own::Own;
 use printed::Printed;
@@ -246,6 +251,15 @@ pub enum Overlap {
 }
 
 impl Overlap {
+    /// Groups of 16 samples of the light that are compared; `None` where parts are summed.
+    fn groups(self) -> Option<usize> {
+        match self {
+            Overlap::Sum => None,
+            Overlap::Bits64 => Some(4),
+            Overlap::Bits256 => Some(16),
+        }
+    }
+
     /// Sizes of the runs: about 32 K uops each, with more for each test where samples are compared.
     fn run_sizes(self) -> RunSizes {
         RunSizes(match self {
@@ -329,6 +343,7 @@ fn run_light(
     let scene = Scene::new(input, runner.arena);
     let receivers = Receivers::new(input, runner.arena);
     let light = LightConstants { form, ..LightConstants::new(input) };
+    let cut = CutTriangles::new(input, runner.arena);
 
     runner.phase(&SILHOUETTE);
     let primitives = silhouette::detect(&scene, light, runner)?;
@@ -352,17 +367,25 @@ fn run_light(
     hard::count(Walk::new(Kind::Triangles, &grid, &raster, &runs), &primitives, &grid, sums, runner)?;
 
     let own = light.is_soft().then_some(Own { primitives });
+    let mut hidden = None;
     if light.is_soft() {
         runner.phase(&SOFT);
         let walk = Walk::new(Kind::Edges, &grid, &raster, &runs);
-        match overlap {
-            Overlap::Sum => soft::sum(walk, &primitives, How { printed, angle, kept }, sums, runner)?,
-            Overlap::Bits64 => bits::cover(walk, 4, &primitives, &grid, &runs, sums, runner)?,
-            Overlap::Bits256 => bits::cover(walk, 16, &primitives, &grid, &runs, sums, runner)?,
+        match overlap.groups() {
+            None => {
+                hidden = cut.map(|cut| cut.parts(light, &grid, runner)).transpose()?;
+                soft::sum(walk, &primitives, How { printed, angle, kept }, sums, runner)?;
+            }
+            Some(groups) => {
+                let samples = LightSamples::new(runner.arena, light.shape.outline(), groups);
+                hidden = cut.map(|cut| cut.samples(&primitives, samples, &grid, runner)).transpose()?;
+                let compared = Compared { samples, hidden };
+                bits::cover(walk, compared, &primitives, &grid, &runs, sums, runner)?;
+            }
         }
     }
 
     runner.phase(&COMPOSE);
-    compose::compose(&grid, &runs, sums, own, overlap, picture, runner)?;
+    compose::compose(&grid, &runs, sums, Apart { own, cut: hidden }, overlap, picture, runner)?;
     Ok(Arrays { primitives, grid, printed, runs, sums, visibility: picture.visibility })
 }

@@ -3,6 +3,7 @@
 //! `weld` joins positions, `copies` splits faces that are there twice alike, `orient` makes windings consistent,
 //! `counting` classifies bodies; [`prepare`] runs the first three, once, when a scene is made.
 
+mod aspect;
 mod copies;
 mod counting;
 mod orient;
@@ -12,6 +13,7 @@ mod weld;
 #[cfg(test)]
 mod tests;
 
+pub use aspect::{Aspect, CUT_TRIANGLES_MAX, CutLeft, CutTriangle};
 pub use counting::Counting;
 pub(crate) use silhouette::counts;
 pub use silhouette::{EdgeWeights, Stance, edge_weights, silhouette_edges, stances};

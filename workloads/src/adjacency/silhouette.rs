@@ -57,7 +57,7 @@ pub fn edge_weights(mesh: &Mesh, adjacency: &Adjacency, light_center: DVec3) -> 
             match stance[t] {
                 Stance::AsItRuns => det,
                 Stance::TurnedOver => -det,
-                Stance::LeftOut => 0.0,
+                Stance::LeftOut | Stance::Cut => 0.0,
             }
         })
         .collect();
@@ -92,6 +92,9 @@ pub enum Stance {
     /// The triangle does not count: the light lies on it, and which of its sides looks at the light would be a matter
     /// of rounding.
     LeftOut,
+    /// The triangle does not count as one that is seen from the middle of the light: the light is cut by it, and what it hides is
+    /// found for each receiver by itself, see [`Aspect`](super::Aspect).
+    Cut,
 }
 
 impl Stance {
@@ -101,7 +104,7 @@ impl Stance {
         match self {
             Self::AsItRuns => [a, b, c],
             Self::TurnedOver => [a, c, b],
-            Self::LeftOut => [a; 3],
+            Self::LeftOut | Self::Cut => [a; 3],
         }
     }
 

@@ -92,11 +92,7 @@ fn a_box_that_is_exported_for_both_sides_casts_the_shadow_of_one() {
         let scene = crate::load_scene(name, &folder).expect("sound");
         let adjacency = Adjacency::new(&scene.mesh);
         let eye = crate::EyeView::render(&scene.mesh, &scene.camera, 64, 48);
-        Occluders::from_mesh(&scene.mesh, &adjacency, &scene.light).visibility_of_view(
-            &adjacency,
-            &scene.light,
-            &eye,
-        )
+        Occluders::from_mesh(&scene.mesh, &adjacency, &scene.light).visibility_of_view(&adjacency, &eye)
     };
     let one = visibility("one_box.json");
     for name in ["both_sides_quads_dcba.json", "same_winding_bcda.json"] {
@@ -150,7 +146,7 @@ fn a_light_exactly_on_an_edge_of_a_box_casts_its_shadow() {
     let lit = |shift: DVec3| {
         let light = crate::Light::Point { center: scene.light.center() + shift };
         let occluders = Occluders::from_mesh(&scene.mesh, &adjacency, &light);
-        let visible = occluders.visibility_of_view(&adjacency, &light, &eye);
+        let visible = occluders.visibility_of_view(&adjacency, &eye);
         // Whether the light reaches a surface that it grazes, or that faces away from it, is not the point.
         let faces = |i: usize| {
             let to_light = (scene.light.center() - eye.points[i]).normalize();

@@ -20,14 +20,20 @@ pub struct HardHit {
     pub t: f64,
 }
 
-/// Greatest [`HardHit::t`] at which triangle `v` shadows: it must be nearer than the receiver by more than f32 may take
-/// a point off its plane, which is eight roundings of the terms of `point . normal`, as the kernels have it.
-pub(super) fn greatest_t(v: [DVec3; 3]) -> f64 {
+/// How far along its normal f32 may take a point off the plane of triangle `v`: eight roundings of the terms of
+/// `point . normal`, as the kernels have it.
+pub(super) fn plane_slack(v: [DVec3; 3]) -> f64 {
     const ROUNDINGS: f64 = 1.0 / (1 << 21) as f64;
     let n = (v[1] - v[0]).cross(v[2] - v[0]);
-    let terms = v.map(|p| p.abs().dot(n.abs())).into_iter().fold(0.0, f64::max);
+    ROUNDINGS * v.map(|p| p.abs().dot(n.abs())).into_iter().fold(0.0, f64::max)
+}
+
+/// Greatest [`HardHit::t`] at which triangle `v` shadows: it must be nearer than the receiver by more than its
+/// [`plane_slack`].
+pub(super) fn greatest_t(v: [DVec3; 3]) -> f64 {
+    let n = (v[1] - v[0]).cross(v[2] - v[0]);
     let distance = v[0].dot(n).abs();
-    distance / (distance + ROUNDINGS * terms)
+    distance / (distance + plane_slack(v))
 }
 
 /// Tests triangle `v` with vertex numbers `index` against receiver `p`; `None` if it is edge-on to the light.

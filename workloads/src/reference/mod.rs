@@ -14,6 +14,8 @@ mod rays;
 mod segment;
 
 #[cfg(test)]
+mod cut_tests;
+#[cfg(test)]
 mod tests;
 
 pub use hard::{HardHit, hard_test};

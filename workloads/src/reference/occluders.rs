@@ -3,9 +3,9 @@
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-use super::hard::{greatest_t, hard_test, is_left};
+use super::hard::{greatest_t, hard_test, is_left, plane_slack};
 use super::segment::{area_beyond, line_beyond, square_beyond};
-use crate::adjacency::{Adjacency, Counting, EdgeWeights, Stance, counts, stances};
+use crate::adjacency::{Adjacency, Aspect, Counting, CutTriangle, EdgeWeights, Stance, counts};
 use crate::eye::EyeView;
 use crate::light::{Light, LightShape, Outline, dual};
 use crate::mesh::Mesh;
@@ -124,6 +124,61 @@ impl Projection {
         };
         Some([self.place(clip(q0, h0)), self.place(clip(q1, h1))])
     }
+
+    /// What of a triangle lies between receiver and light, as a polygon of places: it runs to the left where the triangle, as its
+    /// corners run, is entered on the way from the light to the receiver. Empty where none of it does, and for a receiver that
+    /// lies in the triangle's plane, but for rounding.
+    fn polygon(&self, corners: [DVec3; 3]) -> Vec<DVec2> {
+        let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+        let side = (self.p - corners[0]).dot(normal);
+        if self.distance <= f64::EPSILON * self.p.length() || side.abs() <= plane_slack(corners) {
+            return Vec::new();
+        }
+        // Heights over the plane of the light count from there, so that they keep their digits near it.
+        let mut polygon: Vec<(DVec3, f64)> = corners.map(|v| (v - self.p, v.dot(self.axis))).to_vec();
+        let low = (CLIP_EPS - 1.0) * self.distance;
+        for (bound, sign) in [(low, 1.0), (0.0, -1.0)] {
+            let inside = |height: f64| (height - bound) * sign >= 0.0;
+            let mut clipped = Vec::new();
+            for (i, &(q, height)) in polygon.iter().enumerate() {
+                let (next, next_height) = polygon[(i + 1) % polygon.len()];
+                if inside(height) {
+                    clipped.push((q, height));
+                }
+                if inside(height) != inside(next_height) {
+                    clipped.push((q + (next - q) * ((bound - height) / (next_height - height)), bound));
+                }
+            }
+            polygon = clipped;
+        }
+        polygon.into_iter().map(|(q, _)| self.place(q)).collect()
+    }
+
+    /// Part of the light in a polygon, negative where it runs to the right.
+    fn part_in(&self, polygon: &[DVec2]) -> f64 {
+        let mut part = 0.0;
+        for (i, &a) in polygon.iter().enumerate() {
+            let b = polygon[(i + 1) % polygon.len()];
+            let left = a.perp_dot(b) >= 0.0;
+            let beyond = self.part_beyond(a, b);
+            part += if left { -beyond } else { beyond };
+            // How often it runs around the middle: crossings of the ray towards +x.
+            if (a.y <= 0.0) != (b.y <= 0.0) && left == (b.y > a.y) {
+                part += if left { 1.0 } else { -1.0 };
+            }
+        }
+        part
+    }
+}
+
+/// Whether a convex polygon holds a place.
+fn holds(polygon: &[DVec2], place: DVec2) -> bool {
+    let side = |i: usize| {
+        let (a, b) = (polygon[i], polygon[(i + 1) % polygon.len()]);
+        (b - a).perp_dot(place - a)
+    };
+    let sides = || (0..polygon.len()).map(side);
+    !polygon.is_empty() && (sides().all(|x| x >= 0.0) || sides().all(|x| x <= 0.0))
 }
 
 #[derive(Clone, Copy)]
@@ -144,6 +199,10 @@ pub struct Occluders {
     /// All faces, by number; those that are no layer have no weight.
     faces: Vec<Face>,
     edges: Vec<Silhouette>,
+    /// Faces that the light is cut by, which are no layers and on no edge.
+    cut: Vec<CutTriangle>,
+    /// What is taken for the middle of the light, in the world; the origin for occluders made of a kernel's input.
+    middle: DVec3,
     pub(super) radius: f64,
     shape: LightShape,
 }
@@ -158,6 +217,7 @@ impl Occluders {
             |e: usize| &input.edge_faces[input.edge_first[e] as usize..input.edge_first[e + 1] as usize];
         let rows: Vec<&[u32]> = (0..input.edges.len()).map(row).collect();
         let mut made = Self::make(vertices, &input.triangles, &input.counting, &input.edges, &rows);
+        made.cut.clone_from(&input.cut);
         made.radius = f64::from(input.light_radius);
         made.shape = match input.light_shape {
             LightShape::Disc { normal } => LightShape::Disc { normal: normal.normalize() },
@@ -169,8 +229,7 @@ impl Occluders {
     /// The occluders made of a prepared mesh, without rounding to f32.
     #[must_use]
     pub fn from_mesh(mesh: &Mesh, adjacency: &Adjacency, light: &Light) -> Self {
-        let center = light.center();
-        let stance = stances(mesh, adjacency, center);
+        let Aspect { middle, stance, counting, cut, .. } = Aspect::new(light, mesh, adjacency);
         let triangles: Vec<[u32; 3]> = (0..mesh.triangles.len())
             .map(|t| {
                 let counts = adjacency.component[t] != crate::adjacency::NO_COMPONENT;
@@ -182,8 +241,10 @@ impl Occluders {
             adjacency.edge_faces.iter().map(|&face| stance[(face >> 1) as usize].side(face)).collect();
         let row = |e: usize| &turned[adjacency.edge_first[e] as usize..adjacency.edge_first[e + 1] as usize];
         let rows: Vec<&[u32]> = (0..adjacency.edges.len()).map(row).collect();
-        let vertices = mesh.positions.iter().map(|&p| p - center).collect();
-        let mut made = Self::make(vertices, &triangles, &adjacency.counting, &adjacency.edges, &rows);
+        let vertices = mesh.positions.iter().map(|&p| p - middle).collect();
+        let mut made = Self::make(vertices, &triangles, &counting, &adjacency.edges, &rows);
+        made.cut = cut;
+        made.middle = middle;
         made.radius = light.radius();
         made.shape = light.shape();
         made
@@ -224,7 +285,14 @@ impl Occluders {
             })
             .filter(|edge| edge.weights.is_silhouette())
             .collect();
-        Self { vertices, faces, edges, radius: 0.0, shape: LightShape::Facing }
+        let (cut, middle, shape) = (Vec::new(), DVec3::ZERO, LightShape::Facing);
+        Self { vertices, faces, edges, cut, middle, radius: 0.0, shape }
+    }
+
+    /// What is taken for the middle of the light, in the world: the origin of receivers.
+    #[must_use]
+    pub fn middle(&self) -> DVec3 {
+        self.middle
     }
 
     /// Edges with a weight other than 0.
@@ -253,7 +321,8 @@ impl Occluders {
         layers
     }
 
-    /// The sums (F, B) at receiver `p` (light-centred), not clamped; the triangle `own` does not shadow it.
+    /// The sums (F, B) at receiver `p` (light-centred), not clamped, of the faces that keep clear of the light; the triangle `own`
+    /// does not shadow it.
     #[must_use]
     pub fn sums(&self, p: DVec3, own: u32) -> (f64, f64) {
         self.sums_of(p, own, |projection, v0, v1| {
@@ -293,6 +362,35 @@ impl Occluders {
         (front, back)
     }
 
+    /// What the faces that the light is cut by hide of it from receiver `p` (light-centred), in F and B: each for itself, whichever
+    /// side of it the middle is on, so that none is negative. The triangle `own` does not shadow it.
+    #[must_use]
+    pub fn cut_sums(&self, p: DVec3, own: u32) -> (f64, f64) {
+        let (mut front, mut back) = (0.0, 0.0);
+        if self.cut.is_empty() {
+            return (front, back);
+        }
+        let projection = Projection::new(p, self.radius, self.shape);
+        for (polygon, counting) in self.cut_polygons(&projection, own) {
+            let area = projection.part_in(&polygon);
+            let sheet = counting == Counting::Sheet;
+            front += if sheet { area.abs() } else { area.max(0.0) };
+            back += if sheet { area.abs() } else { (-area).max(0.0) };
+        }
+        (front, back)
+    }
+
+    /// Faces that the light is cut by, but for the triangle `own`, as polygons of places on the light.
+    fn cut_polygons(
+        &self,
+        projection: &Projection,
+        own: u32,
+    ) -> impl Iterator<Item = (Vec<DVec2>, Counting)> {
+        let others = self.cut.iter().filter(move |face| face.number != own);
+        others
+            .map(|face| (projection.polygon(face.corners.map(|v| self.vertices[v as usize])), face.counting))
+    }
+
     /// How many of some samples of the light, places on what receiver `p` sees of it, are covered: those before which there is a
     /// layer of F or of B. Counts each by itself: layers before the middle of the light, and from there one more or less at each
     /// silhouette that the way to the sample crosses.
@@ -326,17 +424,20 @@ impl Occluders {
                 }
             }
         }
-        counts.iter().filter(|count| count.is_silhouette()).count()
+        let cut: Vec<_> = self.cut_polygons(&projection, own).map(|(polygon, _)| polygon).collect();
+        let is_cut = |place: &DVec2| cut.iter().any(|polygon| holds(polygon, *place));
+        places.iter().zip(&counts).filter(|(place, count)| count.is_silhouette() || is_cut(place)).count()
     }
 
-    /// Covered part of the light, in [0, 1], at receiver `p`: `min(max(|F|, |B|, |F - B|), 1)`.
+    /// Covered part of the light, in [0, 1], at receiver `p`: `min(max(|F|, |B|, |F - B|), 1)`, each with what the faces that the
+    /// light is cut by hide: `|F| + F'`, `|B| + B'`, `|F - B| + min(F', B')`.
     ///
     /// A sum is negative where the receiver and the middle of the light lie on one side of a face that covers part of
     /// the light: from the receiver the face runs the other way round. Its size is what it covers; where the other sum is
     /// positive, something else covers that.
     #[must_use]
     pub fn coverage_at(&self, p: DVec3, own: u32) -> f64 {
-        covered(self.sums(p, own))
+        covered(self.sums(p, own), self.cut_sums(p, own))
     }
 
     /// Visible part of the light, in [0, 1], at receiver `p`.
@@ -353,20 +454,21 @@ impl Occluders {
 
     /// Visibility of each receiver of a view of the mesh, in f64 throughout.
     #[must_use]
-    pub fn visibility_of_view(&self, adjacency: &Adjacency, light: &Light, eye: &EyeView) -> Vec<f64> {
-        let center = light.center();
+    pub fn visibility_of_view(&self, adjacency: &Adjacency, eye: &EyeView) -> Vec<f64> {
         let own = |t: u32| adjacency.stands_for[t as usize];
         eye.points
             .par_iter()
             .zip(&eye.triangles)
-            .map(|(&p, &t)| self.visibility_at(p - center, own(t)))
+            .map(|(&p, &t)| self.visibility_at(p - self.middle, own(t)))
             .collect()
     }
 }
 
-/// Covered part of the light, in [0, 1], that the sums F and B make, see [`Occluders::coverage_at`].
-pub(super) fn covered((front, back): (f64, f64)) -> f64 {
-    front.abs().max(back.abs()).max((front - back).abs()).min(1.0)
+/// Covered part of the light, in [0, 1], that the sums F and B make with `cut`, what the faces hide that it is cut by, see
+/// [`Occluders::coverage_at`].
+pub(super) fn covered((front, back): (f64, f64), cut: (f64, f64)) -> f64 {
+    let apart = (front - back).abs() + cut.0.min(cut.1);
+    (front.abs() + cut.0).max(back.abs() + cut.1).max(apart).min(1.0)
 }
 
 /// What `of` has for each receiver of `input`, by its place and its triangle.

@@ -59,7 +59,8 @@ pub fn footprint_radius(radius: f64, z_q: f64, z_p: f64) -> f64 {
 
 /// [`Occluders`] as the paper has them: one circle per edge and receiver, on an image plane.
 ///
-/// A receiver's own triangle, of which the paper says nothing, is taken out as in the exact form.
+/// A receiver's own triangle and triangles that the light is cut by, of which the paper says nothing, are taken out as in the exact
+/// form.
 pub struct AsPrinted<'a>(pub &'a Occluders);
 
 impl AsPrinted<'_> {
@@ -101,7 +102,7 @@ impl AsPrinted<'_> {
     /// Visible part of the light, in [0, 1], at receiver `p`, see [`Occluders::coverage_at`].
     #[must_use]
     pub fn visibility_at(&self, p: DVec3, own: u32, plane: ImagePlane) -> f64 {
-        1.0 - covered(self.sums(p, own, plane))
+        1.0 - covered(self.sums(p, own, plane), self.0.cut_sums(p, own))
     }
 
     /// Visibility of each receiver of `input`, which the occluders were made from, on the image plane of its face.

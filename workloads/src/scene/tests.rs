@@ -3,7 +3,7 @@ use std::path::Path;
 use glam::DVec3;
 
 use super::*;
-use crate::adjacency::{Adjacency, Counting, silhouette_edges};
+use crate::adjacency::{Adjacency, Aspect, Counting, silhouette_edges};
 use crate::{EyeView, Preview, ShadowInput};
 
 #[test]
@@ -19,19 +19,35 @@ fn shipped_scenes_load_and_their_bodies_are_closed() {
 fn nothing_is_odd_about_shipped_scenes() {
     for name in builtin_names() {
         let scene = load_scene(name, Path::new(".")).expect(name);
-        assert_eq!(scene.warnings(&Adjacency::new(&scene.mesh)), [], "{name}");
+        let adjacency = Adjacency::new(&scene.mesh);
+        assert_eq!(scene.warnings(&adjacency), [], "{name}");
+        let aspect = Aspect::new(&scene.light, &scene.mesh, &adjacency);
+        assert!(aspect.cut.is_empty(), "{name}");
+        if aspect.middle != scene.light.center() {
+            let planes = (0..scene.mesh.triangles.len()).filter(|t| {
+                let [a, b, c] = scene.mesh.corners(*t).map(|p| p - scene.light.center());
+                a.dot((b - a).cross(c - a)).abs() < 1e-15
+            });
+            println!("{name}: the middle of the light lies in the planes of {} faces", planes.count());
+        }
     }
 }
 
 #[test]
-fn a_light_that_touches_something_is_warned_of() {
+fn a_light_that_is_cut_by_more_than_is_known_of_is_warned_of() {
     let mut scene = load_scene("tiny", Path::new(".")).expect("shipped");
     let top = scene.mesh.positions.iter().copied().reduce(|a, b| if b.y > a.y { b } else { a });
     let center = top.expect("a mesh has vertices") + DVec3::new(0.0, 0.01, 0.0);
-    for (radius, warned) in [(0.5, true), (0.011, true), (0.005, false)] {
+    scene.light = Light::Sphere { center, radius: 100.0 };
+    let found = scene.warnings(&Adjacency::new(&scene.mesh));
+    assert!(matches!(found[..], [SceneWarning::LightHuge { .. }]), "{found:?}");
+    for (radius, warned) in [(5.0, true), (0.5, false), (0.011, false), (0.005, false)] {
         scene.light = Light::Sphere { center, radius };
         let found = scene.warnings(&Adjacency::new(&scene.mesh));
-        let touches = |warning: &SceneWarning| matches!(warning, SceneWarning::LightTouches { .. });
+        let touches = |warning: &SceneWarning| match warning {
+            SceneWarning::LightTouches { triangles, distance, .. } => *triangles == 80 && *distance < radius,
+            _ => false,
+        };
         assert_eq!(found.iter().any(touches), warned, "{radius}: {found:?}");
     }
 }

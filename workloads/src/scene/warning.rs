@@ -4,9 +4,12 @@ use core::fmt;
 use std::path::Path;
 
 use super::Scene;
-use crate::adjacency::{Adjacency, Stance, stances};
+use crate::adjacency::{Adjacency, Aspect, CUT_TRIANGLES_MAX, Stance, stances};
 use crate::mesh::ObjectRange;
 use crate::obj::LeftOut;
+
+/// Radius of a light, in diagonals of the scene, up to which what cuts it is told apart from the horizon.
+const HUGE_DIAGONALS: f64 = 10.0;
 
 /// Something about a scene that its maker should know.
 #[derive(Debug, Clone, PartialEq)]
@@ -18,14 +21,22 @@ pub enum SceneWarning {
         /// Word that the lines begin with, the first of them, and their number.
         lines: LeftOut,
     },
-    /// The light reaches into a triangle: a part of it is then behind that triangle, or inside a body.
+    /// The light reaches into more triangles than are looked at one by one: what the others hide of the parts of the light that are
+    /// behind them is not known.
     LightTouches {
-        /// Distance of the middle of the light from the triangle, world units.
+        /// Number of the triangles.
+        triangles: usize,
+        /// Distance of the middle of the light from the nearest of those that are not looked at, world units.
         distance: f64,
         /// Radius of the light, world units.
         radius: f64,
-        /// Object of the triangle; empty if it has no name.
+        /// Object of that triangle; empty if it has no name.
         object: String,
+    },
+    /// The light is far larger than the scene, which lies in it: nearly all of it is seen along the horizons of receivers.
+    LightHuge {
+        /// Radius of the light in diagonals of the scene.
+        diagonals: f64,
     },
     /// The light is inside a closed body that the camera is outside of: all that is seen is in its shadow.
     LightEnclosed {
@@ -46,14 +57,20 @@ impl fmt::Display for SceneWarning {
                     "{file}:{first_line}: {count} with `{shown}` left out; triangles come from `v` and `f` alone"
                 )
             }
-            Self::LightTouches { distance, radius, object } => {
+            Self::LightTouches { triangles, distance, radius, object } => {
                 let of = named(" of ", object);
                 write!(
                     f,
-                    "the light touches a triangle{of}: its radius is {radius:.4} and the triangle is {distance:.4} from \
-                     its middle; its shadows are right only where it is clear of everything"
+                    "the light is cut by {triangles} triangles, and shadows are right for {CUT_TRIANGLES_MAX}: its radius is \
+                     {radius:.4} and a triangle{of} {distance:.4} from its middle is one of the others; move `light.center` \
+                     or make the light smaller"
                 )
             }
+            Self::LightHuge { diagonals } => write!(
+                f,
+                "the light holds the whole scene: its radius is {diagonals:.0} of the scene's diagonals, and shadows are right up to \
+                 {HUGE_DIAGONALS}; a directional light is a far one"
+            ),
             Self::LightEnclosed { object } => write!(
                 f,
                 "the light is inside a closed body{} and the camera is not: all that is seen is dark; move \
@@ -70,8 +87,8 @@ fn named(before: &str, object: &str) -> String {
 }
 
 impl Scene {
-    /// What should be known before the scene is drawn: lines of its model that were left out, a light that touches
-    /// something or is shut in. `adjacency` must be that of the mesh. Looks at every triangle.
+    /// What should be known before the scene is drawn: lines of its model that were left out, a light that reaches into too
+    /// much or is shut in. `adjacency` must be that of the mesh. Looks at every triangle.
     #[must_use]
     pub fn warnings(&self, adjacency: &Adjacency) -> Vec<SceneWarning> {
         // Its name alone: where a file lies does not belong in results.
@@ -81,18 +98,28 @@ impl Scene {
             .left_out
             .iter()
             .map(|lines| SceneWarning::LeftOut { file: file.clone(), lines: lines.clone() });
-        left_out.chain(self.touched().or_else(|| self.enclosed(adjacency))).collect()
+        let aspect = Aspect::new(&self.light, &self.mesh, adjacency);
+        // A light that looks out of a body lights what it looks at.
+        let of_light = if aspect.cut.is_empty() { self.enclosed(adjacency) } else { self.touched(&aspect) };
+        left_out.chain(of_light).collect()
     }
 
-    /// The triangle that is nearest to a light that reaches it.
-    fn touched(&self) -> Option<SceneWarning> {
+    /// What is not known of a light that triangles cut: where it is larger than all that is around, and where more do than are
+    /// looked at.
+    fn touched(&self, aspect: &Aspect) -> Option<SceneWarning> {
         let radius = self.light.radius();
-        let distances = (0..self.mesh.triangles.len()).map(|t| self.light.distance_to(self.mesh.corners(t)));
-        let (triangle, distance) = distances.enumerate().min_by(|a, b| a.1.total_cmp(&b.1))?;
-        if distance > radius {
-            return None;
+        let diagonals = radius / self.mesh.bounds().diagonal();
+        if diagonals > HUGE_DIAGONALS {
+            return Some(SceneWarning::LightHuge { diagonals });
         }
-        Some(SceneWarning::LightTouches { distance, radius, object: self.object_of(triangle) })
+        let left = aspect.cut_left?;
+        let triangle = left.nearest as usize;
+        Some(SceneWarning::LightTouches {
+            triangles: aspect.cut.len() + left.triangles,
+            distance: self.light.distance_to(self.mesh.corners(triangle)),
+            radius,
+            object: self.object_of(triangle),
+        })
     }
 
     /// A closed body that the light is in and the camera is not. A room that both are in, or that has an opening, is
