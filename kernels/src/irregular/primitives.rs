@@ -18,7 +18,7 @@ pub struct TriangleRecord {
     pub plane: f32,
     /// Flags of the three edges: the sign bit is set where the triangle lies right of `low -> high`. Those of the first
     /// also hold [`FRONT`], [`BACK`], [`AWAY`], [`CUTS`] and, from bit [`FACES_SHIFT`] on, the faces around the light that
-    /// the triangle can shadow.
+    /// the triangle can shadow; those of the second the number of its object, where the program asks for it.
     pub flags: [i32; 3],
 }
 
@@ -48,6 +48,8 @@ pub struct EdgeRecord {
     pub rounding_offset: f32,
     /// A bit for each face on which it can have a penumbra.
     pub faces: i32,
+    /// Number of its object, where the program asks for it.
+    pub object: i32,
 }
 
 /// How an edge is seen on the light's disc, and so which receivers it can touch.

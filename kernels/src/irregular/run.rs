@@ -230,11 +230,22 @@ pub struct Samples<V: Vpu> {
     pub first: V::S32,
     /// Number of their block.
     pub block: V::S32,
+    /// Number of their cell.
+    pub cell: V::S32,
     /// Where the samples lie, light-centred.
     pub position: Vec3<V>,
 }
 
-/// What a kernel does with samples and the primitives that can shadow them.
+/// What a kernel does with samples and the records of their cell.
+pub trait See {
+    /// Looks at `samples`, the deepest of which is at `deepest`, and at records `range` of their cell, in words: two a record.
+    fn see<V: Vpu>(&self, v: &mut V, walk: &Walk, samples: &Samples<V>, deepest: V::S32, range: [V::S32; 2]);
+
+    /// Where zeros are left for the samples of cells without primitives; `None`: these are looked at like all others.
+    fn zeros(&self) -> Option<[Addr; 2]>;
+}
+
+/// What a kernel does with samples and the primitives that can shadow them, one after the other.
 pub trait Shade {
     /// What it keeps of 16 samples from their first primitive to the last.
     type State<V: Vpu>;
@@ -251,11 +262,39 @@ pub trait Shade {
         primitive: Record<V, CellRecord>,
     );
 
-    /// Where zeros are left for the samples of cells without primitives; `None`: these are looked at like all others.
+    /// See [`See::zeros`].
     fn zeros(&self) -> Option<[Addr; 2]>;
 
     /// Stores what it has found out about `samples` after their last primitive, or without any.
     fn end<V: Vpu>(&self, v: &mut V, samples: &Samples<V>, state: &Self::State<V>);
+}
+
+/// One primitive after the other that begins no deeper than the deepest of the samples.
+impl<S: Shade> See for S {
+    #[inline(always)]
+    fn see<V: Vpu>(
+        &self,
+        v: &mut V,
+        walk: &Walk,
+        samples: &Samples<V>,
+        deepest: V::S32,
+        [first, end]: [V::S32; 2],
+    ) {
+        let mut state = self.begin(v, samples);
+        let mut at = first;
+        while v.branch(Compare::Less, at, end) {
+            if walk.reaches(v, at, deepest) {
+                self.add(v, samples, &mut state, walk.record(at));
+            }
+            at = scalar!(v, at + { words::<CellRecord>() as i32 });
+        }
+        self.end(v, samples, &state);
+    }
+
+    #[inline(always)]
+    fn zeros(&self) -> Option<[Addr; 2]> {
+        Shade::zeros(self)
+    }
 }
 
 /// Walks the runs of one kind of primitives: 16 samples of a cell at a time, past all records of the cell.
@@ -287,9 +326,9 @@ impl Walk {
         self.run_count
     }
 
-    /// Walks run `run` and has `shade` see all of it.
+    /// Walks run `run` and has `kernel` see all of it.
     #[inline(always)]
-    pub fn run<V: Vpu>(&self, v: &mut V, run: V::S32, shade: &impl Shade) {
+    pub fn run<V: Vpu>(&self, v: &mut V, run: V::S32, kernel: &impl See) {
         let Walk { grid, list_starts, .. } = self;
         let zero = v.s_imm(0);
         let block = v.s_load(self.runs.column(field!(Run.block)), run);
@@ -337,7 +376,7 @@ impl Walk {
             let stop = lower(v, stop, sample_end);
             let record_first = v.s_load(*list_starts, cell);
             let record_end = v.s_load(list_starts.plus_words(1), cell);
-            if let Some(zeros) = shade.zeros()
+            if let Some(zeros) = kernel.zeros()
                 && v.branch(Compare::Equal, record_first, record_end)
             {
                 Walk::nothing(v, zeros, i, stop);
@@ -350,9 +389,9 @@ impl Walk {
                 let position = each!(axis in [0, 1, 2] => {
                     v.vload_f32(grid.samples.column(field!(Sample.position[axis])), i)
                 });
-                let samples = Samples { live, first: i, block, position };
+                let samples = Samples { live, first: i, block, cell, position };
                 let deepest = self.deepest(v, &samples, depths);
-                self.records(v, &samples, deepest, (record_first, record_end), shade);
+                kernel.see(v, self, &samples, deepest, [record_first, record_end]);
                 i = scalar!(v, i + 16);
             }
         }
@@ -385,27 +424,15 @@ impl Walk {
         let bits = v.bits_of(depth);
         v.vextract(bits, 0)
     }
+    /// The record at word `at`.
+    pub fn record<V: Vpu>(&self, at: V::S32) -> Record<V, CellRecord> {
+        self.records.at(at)
+    }
 
-    /// Has `shade` see `samples` and those primitives of a cell that begin no deeper than the deepest of them. Records
-    /// `first..end`, in words.
+    /// Whether the primitive of the record at word `at` begins no deeper than `deepest`.
     #[inline(always)]
-    fn records<V: Vpu>(
-        &self,
-        v: &mut V,
-        samples: &Samples<V>,
-        deepest: V::S32,
-        (first, end): (V::S32, V::S32),
-        shade: &impl Shade,
-    ) {
-        let mut state = shade.begin(v, samples);
-        let mut at = first;
-        while v.branch(Compare::Less, at, end) {
-            let start = v.s_load(self.records.field(field!(CellRecord.start)), at);
-            if v.branch(Compare::LessEqual, start, deepest) {
-                shade.add(v, samples, &mut state, self.records.at(at));
-            }
-            at = scalar!(v, at + { words::<CellRecord>() as i32 });
-        }
-        shade.end(v, samples, &state);
+    pub fn reaches<V: Vpu>(&self, v: &mut V, at: V::S32, deepest: V::S32) -> bool {
+        let start = v.s_load(self.records.field(field!(CellRecord.start)), at);
+        v.branch(Compare::LessEqual, start, deepest)
     }
 }

@@ -3,6 +3,7 @@
 #![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
 
 use lrbsim_isa::{Compare, Kernel, Runner, Step, Stopped, Vpu};
+use lrbsim_workloads::reference::ObjectRule;
 
 use super::cut::{CutParts, CutSamples, Hidden};
 use super::own::Own;
@@ -169,7 +170,14 @@ impl Compose {
                     v.vnmadd(covered, unit, one)
                 }
                 None if !has_layers && cut.is_none() => v.vset_f32(1.0),
-                _ => visible(v, layers, parts, cut),
+                _ => match (overlap.rule(), cut) {
+                    (Some(rule), Some(cut)) => {
+                        let by_cut = visible(v, [none; 2], Some(cut), None);
+                        let visible = visible(v, layers, parts, None);
+                        rule_of_two(v, rule, visible, by_cut)
+                    }
+                    _ => visible(v, layers, parts, cut),
+                },
             };
             let pixel =
                 v.vgather_i32_or(none, live, grid.receivers.columns.column(field!(Receiver.pixel)), receiver);
@@ -177,6 +185,15 @@ impl Compose {
             v.vscatter_f32(live, self.picture.visibility, pixel, visible);
             i = scalar!(v, i + 16);
         }
+    }
+}
+
+/// What two objects leave of the light, each of which leaves so much.
+#[inline(always)]
+pub fn rule_of_two<V: Vpu>(v: &mut V, rule: ObjectRule, a: V::F32, b: V::F32) -> V::F32 {
+    match rule {
+        ObjectRule::Product => v.vmul(a, b),
+        ObjectRule::Max => v.vmin(a, b),
     }
 }
 

@@ -16,6 +16,7 @@ pub mod hard;
 pub mod soft;
 pub mod compose;
 pub mod own;
+pub mod objects;
 pub mod cut;
 pub mod bits;
 pub mod printed;
@@ -23,6 +24,7 @@ pub mod kept;
 
 use lrbsim_isa::options::{Entry, OptionSpec, Options, Values, Word};
 use lrbsim_isa::{Addr, Arena, Phase, Runner, Stopped};
+use lrbsim_workloads::reference::ObjectRule;
 use lrbsim_workloads::{Light, LightShape, ShadowInput};
 
 use crate::columns::Columns;
@@ -39,6 +41,7 @@ use bits::{Compared, LightSamples};
 use compose::Apart;
 use cut::CutTriangles;
 use kept::Kept;
+use objects::{ObjectNumbers, Objects};
 use own::Own;
 use printed::Printed;
 use soft::How;
@@ -71,6 +74,11 @@ const ENTRY: Entry = Entry {
             about: "what occluders hide that overlap on the light",
             values: Values::OneOf(&[
                 Word { name: "sum", about: "the sum of their parts, as in the paper (C = 0): too dark" },
+                Word {
+                    name: "product",
+                    about: "each object as much of what the others leave as of the whole: right for what is strewn at random",
+                },
+                Word { name: "max", about: "what the object hides that hides the most: too light" },
                 Word { name: "bits:64", about: "what they hide of 64 samples of the light" },
                 Word { name: "bits:256", about: "what they hide of 256 samples of the light" },
             ]),
@@ -139,7 +147,8 @@ impl Method for Sism {
         options.whole("lights")
     }
 
-    /// Samples of the light are compared with edges as the exact form has them; no part is measured and none is summed.
+    /// What all hide is summed in the paper's way alone. The others see edges as the exact form has them; where samples of the light
+    /// are compared, no part is measured and none is summed.
     fn objection(&self, options: &Options) -> Option<String> {
         let Choices { overlap, form, sums, angle } = Choices::of(options);
         if overlap == Overlap::Sum {
@@ -155,7 +164,7 @@ impl Method for Sism {
             options.written().find(|(name, _)| *name == asked).map(|(_, value)| value).unwrap_or_default()
         };
         Some(format!(
-            "`{name}={}` of `sism` sums parts of the light, and `overlap={}` sums none; it must be `overlap=sum` or `{name}={right}`",
+            "`{name}={}` of `sism` is for parts that are summed as in the paper, and `overlap={}` does otherwise; it must be `overlap=sum` or `{name}={right}`",
             written(name),
             written("overlap")
         ))
@@ -223,7 +232,7 @@ impl Choices {
     fn of(options: &Options) -> Choices {
         use Kept::{Bf16, F16, F16Truncating, F32, Fixed};
         Choices {
-            overlap: [Overlap::Sum, Overlap::Bits64, Overlap::Bits256][options.word("overlap")],
+            overlap: Overlap::ALL[options.word("overlap")],
             form: [Form::Exact, Form::Printed][options.word("form")],
             sums: [Fixed, F32, Bf16, F16, F16Truncating][options.word("sums")],
             angle: [Angle::Atan2, Angle::Acos][options.word("angle")],
@@ -244,6 +253,10 @@ pub enum Overlap {
     /// The sum of their parts [johnson09, Eq. 5 with C = 0].
     #[default]
     Sum,
+    /// Each object as much of what the others leave as of the whole [algorithms, 2.9].
+    Product,
+    /// What the object hides that hides the most.
+    Max,
     /// What they hide of 64 samples of the light.
     Bits64,
     /// What they hide of 256 samples of the light.
@@ -251,10 +264,23 @@ pub enum Overlap {
 }
 
 impl Overlap {
+    /// All ways, in the order of the option's words.
+    pub const ALL: [Overlap; 5] =
+        [Overlap::Sum, Overlap::Product, Overlap::Max, Overlap::Bits64, Overlap::Bits256];
+
+    /// How objects are put together; `None` where they are not told apart.
+    pub(crate) fn rule(self) -> Option<ObjectRule> {
+        match self {
+            Overlap::Product => Some(ObjectRule::Product),
+            Overlap::Max => Some(ObjectRule::Max),
+            Overlap::Sum | Overlap::Bits64 | Overlap::Bits256 => None,
+        }
+    }
+
     /// Groups of 16 samples of the light that are compared; `None` where parts are summed.
     fn groups(self) -> Option<usize> {
         match self {
-            Overlap::Sum => None,
+            Overlap::Sum | Overlap::Product | Overlap::Max => None,
             Overlap::Bits64 => Some(4),
             Overlap::Bits256 => Some(16),
         }
@@ -264,6 +290,7 @@ impl Overlap {
     fn run_sizes(self) -> RunSizes {
         RunSizes(match self {
             Overlap::Sum => [10, 8],
+            Overlap::Product | Overlap::Max => [10, 7],
             Overlap::Bits64 => [10, 6],
             Overlap::Bits256 => [10, 4],
         })
@@ -275,8 +302,8 @@ impl Overlap {
 pub struct Sums {
     /// Layers in F and B between the sample and the light.
     pub layers: [i32; 2],
-    /// Parts of the light in F and B beyond silhouette edges, in units of 2^-24; where samples of the light are compared, the
-    /// covered part of it, layers included, in the first.
+    /// Parts of the light in F and B beyond silhouette edges, in units of 2^-24; where samples of the light are compared or objects
+    /// told apart, the covered part of it, layers included, in the first.
     pub coverage: [i32; 2],
 }
 
@@ -344,9 +371,13 @@ fn run_light(
     let receivers = Receivers::new(input, runner.arena);
     let light = LightConstants { form, ..LightConstants::new(input) };
     let cut = CutTriangles::new(input, runner.arena);
+    let objects = match overlap.rule() {
+        Some(_) if light.is_soft() => Some(ObjectNumbers::new(input, runner.arena)),
+        _ => None,
+    };
 
     runner.phase(&SILHOUETTE);
-    let primitives = silhouette::detect(&scene, light, runner)?;
+    let primitives = silhouette::detect(&scene, light, objects, runner)?;
 
     runner.phase(&GRID);
     let grid = Grid::build(receivers, &light, runner)?;
@@ -374,7 +405,11 @@ fn run_light(
         match overlap.groups() {
             None => {
                 hidden = cut.map(|cut| cut.parts(light, &grid, runner)).transpose()?;
-                soft::sum(walk, &primitives, How { printed, angle, kept }, sums, runner)?;
+                let objects = match overlap.rule() {
+                    Some(rule) => Some(Objects::sort(rule, &primitives, &grid, &raster, hidden, runner)?),
+                    None => None,
+                };
+                soft::sum(walk, &primitives, How { printed, angle, kept }, objects, sums, runner)?;
             }
             Some(groups) => {
                 let samples = LightSamples::new(runner.arena, light.shape.outline(), groups);

@@ -73,6 +73,16 @@ impl Own {
         })
     }
 
+    /// Numbers of the objects that the own triangles belong to; of the lanes in [`OwnTriangles::cut`].
+    #[inline(always)]
+    pub fn object<V: Vpu>(&self, v: &mut V, own: &OwnTriangles<V>) -> V::I32 {
+        let none = v.vset_i32(0);
+        let flags = self.primitives.triangles.field(field!(TriangleRecord.flags[1]));
+        let flags = v.vgather_i32_or(none, own.cut, flags, own.at);
+        let number = v.vset_i32(i32::MAX);
+        int!(v, flags & number)
+    }
+
     /// The horizons of receivers on the discs that they see: two points of each line, on either side of the disc; the lanes
     /// where it cuts the disc.
     #[inline(always)]

@@ -7,6 +7,7 @@
 
 use lrbsim_isa::{Addr, Compare, Kernel, Runner, Step, Stopped, Vpu, math};
 
+use super::objects::ObjectNumbers;
 use super::soft::rounding_offset;
 use crate::clear;
 use crate::columns::{lanes_below, task_range};
@@ -25,14 +26,23 @@ use crate::scene::{Edge, Scene, Triangle, Vertex};
 const TASK: u32 = 256;
 
 /// Finds what casts shadows: records of all triangles and, where `light` has a penumbra, of the edges that weigh something.
-pub fn detect(scene: &Scene, light: LightConstants, runner: &mut Runner<'_>) -> Result<Primitives, Stopped> {
+/// With numbers of their objects, if `objects` are given.
+pub fn detect(
+    scene: &Scene,
+    light: LightConstants,
+    objects: Option<ObjectNumbers>,
+    runner: &mut Runner<'_>,
+) -> Result<Primitives, Stopped> {
     let triangle_count = scene.triangle_count;
     let triangles = Records::overwritten(runner.arena, u64::from(triangle_count.next_multiple_of(CHILDREN)));
-    let kernel = TriangleRecords { scene: *scene, radius: light.radius, records: triangles };
+    let kernel = TriangleRecords { scene: *scene, radius: light.radius, objects, records: triangles };
     // SAFETY: each task writes the records of its own triangles.
     runner.run(&unsafe { Step::independent("triangle records", triangle_count.div_ceil(TASK), kernel) })?;
-    let (edges, edge_count) =
-        if light.is_soft() { silhouettes(scene, light, triangles, runner)? } else { (Records::default(), 0) };
+    let (edges, edge_count) = if light.is_soft() {
+        silhouettes(scene, light, objects, triangles, runner)?
+    } else {
+        (Records::default(), 0)
+    };
     Ok(Primitives { light, triangles, triangle_count, edges, edge_count })
 }
 
@@ -40,6 +50,7 @@ pub fn detect(scene: &Scene, light: LightConstants, runner: &mut Runner<'_>) -> 
 fn silhouettes(
     scene: &Scene,
     light: LightConstants,
+    objects: Option<ObjectNumbers>,
     triangles: Records<TriangleRecord>,
     runner: &mut Runner<'_>,
 ) -> Result<(Records<EdgeRecord>, u32), Stopped> {
@@ -56,7 +67,7 @@ fn silhouettes(
     let kernel = Select { edge_count: scene.edge_count, weights, list, written };
     runner.run(&Step::ordered("silhouette list", tasks, kernel))?;
 
-    let kernel = EdgeRecords { scene: *scene, weights, list, light, count, records };
+    let kernel = EdgeRecords { scene: *scene, weights, list, light, count, objects, records };
     // SAFETY: each task writes the records of its own edges.
     runner.run(&unsafe { Step::independent("edge records", count.div_ceil(TASK), kernel) })?;
     Ok((records, count))
@@ -77,13 +88,15 @@ struct TriangleRecords {
     scene: Scene,
     /// Radius of the light.
     radius: f32,
+    /// Numbers of objects, where they go with the records.
+    objects: Option<ObjectNumbers>,
     records: Records<TriangleRecord>,
 }
 
 impl Kernel for TriangleRecords {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
-        let TriangleRecords { scene, radius, records } = self;
+        let TriangleRecords { scene, radius, objects, records } = self;
         let (mut i, end) = task_range(v, task, TASK, scene.triangle_count);
         let lane = v.viota();
         let words = v.vset_i32(words::<TriangleRecord>() as i32);
@@ -152,6 +165,11 @@ impl Kernel for TriangleRecords {
             let shift = v.vset_i32(FACES_SHIFT);
             let first = flags[0];
             flags[0] = int!(v, first | (faces << shift));
+            if let Some(objects) = objects {
+                let object = v.vload_i32(objects.triangles, i);
+                let second = flags[1];
+                flags[1] = int!(v, second | object);
+            }
             for (edge, flag) in flags.into_iter().enumerate() {
                 v.vscatter_i32(live, records.field(field!(TriangleRecord.flags[edge])), at, flag);
             }
@@ -302,6 +320,8 @@ struct EdgeRecords {
     light: LightConstants,
     /// Number of silhouette edges.
     count: u32,
+    /// Numbers of objects, where they go with the records.
+    objects: Option<ObjectNumbers>,
     records: Records<EdgeRecord>,
 }
 
@@ -358,6 +378,10 @@ impl Kernel for EdgeRecords {
             v.vscatter_f32(live, records.field(field!(EdgeRecord.rounding_offset)), at, offset);
             let faces = faces_of_edges(v, &self.light, a, b);
             v.vscatter_i32(live, records.field(field!(EdgeRecord.faces)), at, faces);
+            if let Some(objects) = self.objects {
+                let object = v.vgather_i32_or(none, live, objects.edges, edge);
+                v.vscatter_i32(live, records.field(field!(EdgeRecord.object)), at, object);
+            }
             i = scalar!(v, i + 16);
         }
     }

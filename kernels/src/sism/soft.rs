@@ -10,34 +10,37 @@
 
 #![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
 
-use lrbsim_isa::{Addr, Kernel, Runner, Step, Stopped, Vpu};
+use lrbsim_isa::{Addr, Compare, Kernel, Runner, Step, Stopped, Vpu};
 
 use super::Sums;
 use super::kept::Kept;
+use super::objects::Objects;
 use super::printed::{Plane, Printed};
 use crate::columns::Columns;
-use crate::expression::int;
+use crate::expression::{each, int, scalar};
 use crate::field;
-use crate::irregular::primitives::{EdgeRecord, LightConstants, Primitives};
+use crate::irregular::primitives::{EdgeRecord, Kind, LightConstants, Primitives};
 use crate::irregular::raster::CellRecord;
-use crate::irregular::run::{Samples, Shade, Walk};
+use crate::irregular::run::{Samples, See, Walk};
 use crate::light::View;
 use crate::plane::{Vec3, side};
-use crate::record::{Record, Records};
+use crate::record::{Record, Records, words};
 use crate::segment::{Angle, Vec2};
 
 /// A whole light in fixed point: sums of 32-bit integers are the same in any order [algorithms, 6.9], and hold 127 lights.
 pub const WHOLE: f32 = (1 << 24) as f32;
 
-/// Sums the parts of edges for every sample in a block that holds edges, to [`Sums::coverage`]: one task a run.
+/// Sums the parts of edges for every sample in a block that holds edges, to [`Sums::coverage`]: one task a run. Where objects
+/// are told apart, what all of them cover to the first, in fixed point.
 pub fn sum(
     walk: Walk,
     primitives: &Primitives,
     how: How,
+    objects: Option<Objects>,
     sums: Columns<Sums>,
     runner: &mut Runner<'_>,
 ) -> Result<(), Stopped> {
-    let soft = Soft { walk, light: primitives.light, edges: primitives.edges, how, sums };
+    let soft = Soft { walk, light: primitives.light, edges: primitives.edges, how, objects, sums };
     // SAFETY: each task writes the sums of its own samples: a sample lies in one run.
     runner.run(&unsafe { Step::independent("soft", walk.run_count(), soft) })
 }
@@ -59,15 +62,9 @@ struct Soft {
     light: LightConstants,
     edges: Records<EdgeRecord>,
     how: How,
+    /// How objects are told apart; `None` where the parts of all are summed.
+    objects: Option<Objects>,
     sums: Columns<Sums>,
-}
-
-/// What covers the light of 16 samples, as far as their cell's edges have been seen.
-struct Coverage<V: Vpu> {
-    /// The light as the samples see it.
-    light: Seen<V>,
-    /// Coverage in F and B, see [`Kept`].
-    coverage: [V::I32; 2],
 }
 
 /// The light as 16 samples see it.
@@ -85,58 +82,128 @@ impl Kernel for Soft {
     }
 }
 
-impl Shade for Soft {
-    type State<V: Vpu> = Coverage<V>;
-
-    #[inline(always)]
-    fn begin<V: Vpu>(&self, v: &mut V, samples: &Samples<V>) -> Coverage<V> {
-        let light = match self.how.printed {
-            None => Seen::Disc(view(v, &self.light, samples.position)),
-            Some(printed) => Seen::Circle(printed, printed.plane(v, samples)),
-        };
-        let none = v.vset_i32(0);
-        Coverage { light, coverage: [none; 2] }
-    }
-
+impl Soft {
+    /// Adds the part of the edge of the record at word `at` to the coverage of `samples` in F and B, see [`Kept`].
     #[inline(always)]
     fn add<V: Vpu>(
         &self,
         v: &mut V,
         samples: &Samples<V>,
-        state: &mut Coverage<V>,
-        entry: Record<V, CellRecord>,
-    ) {
-        let number = entry.scalar(v, field!(CellRecord.primitive));
+        light: &Seen<V>,
+        at: V::S32,
+        coverage: [V::I32; 2],
+    ) -> [V::I32; 2] {
+        let number = self.walk.record(at).scalar(v, field!(CellRecord.primitive));
         let How { angle, kept, .. } = self.how;
         let (live, points) = (samples.live, samples.position);
-        match &state.light {
+        match light {
             Seen::Disc(view) => {
                 let edge = self.edges.record(v, number);
                 let (live, f) = part(v, view, live, edge, angle);
-                if v.branch_any(live) {
-                    state.coverage = add_part(v, live, f, points, edge, kept, state.coverage);
-                }
+                if v.branch_any(live) { add_part(v, live, f, points, edge, kept, coverage) } else { coverage }
             }
             Seen::Circle(printed, plane) => {
                 let (live, f) = printed.part(v, plane, live, number, angle);
-                if v.branch_any(live) {
-                    let edge = self.edges.record(v, number);
-                    state.coverage = add_part(v, live, f, points, edge, kept, state.coverage);
+                if !v.branch_any(live) {
+                    return coverage;
                 }
+                let edge = self.edges.record(v, number);
+                add_part(v, live, f, points, edge, kept, coverage)
             }
         }
     }
+}
 
-    fn zeros(&self) -> Option<[Addr; 2]> {
-        Some([0, 1].map(|k| self.sums.column(field!(Sums.coverage[k]))))
+impl See for Soft {
+    #[inline(always)]
+    fn see<V: Vpu>(
+        &self,
+        v: &mut V,
+        walk: &Walk,
+        samples: &Samples<V>,
+        deepest: V::S32,
+        [first, end]: [V::S32; 2],
+    ) {
+        let light = match self.how.printed {
+            None => Seen::Disc(view(v, &self.light, samples.position)),
+            Some(printed) => Seen::Circle(printed, printed.plane(v, samples)),
+        };
+        let none = v.vset_i32(0);
+        let kept = self.how.kept;
+        let mut coverage = [none; 2];
+
+        // The edges of the cell; where objects are told apart, its triangles and its edges side by side, whichever is of the lesser
+        // object.
+        let mut next = [first; 2];
+        let mut ends = [end; 2];
+        let mut left = None;
+        if let Some(objects) = &self.objects {
+            left = Some(objects.begin(v, samples));
+            let triangles = objects.triangles(v, samples);
+            (next[0], ends[0]) = (triangles[0], triangles[1]);
+        }
+        let mut found: [Option<V::S32>; 2] = [None; 2];
+        loop {
+            for kind in [Kind::Triangles, Kind::Edges] {
+                if kind == Kind::Triangles && self.objects.is_none() {
+                    continue;
+                }
+                let k = kind as usize;
+                while found[k].is_none() && v.branch(Compare::Less, next[k], ends[k]) {
+                    let at = next[k];
+                    if walk.reaches(v, at, deepest) {
+                        found[k] = Some(match &self.objects {
+                            None => at,
+                            Some(objects) => objects.of(v, kind, at),
+                        });
+                    } else {
+                        next[k] = scalar!(v, at + { words::<CellRecord>() as i32 });
+                    }
+                }
+            }
+            let kind = match found {
+                [None, None] => None,
+                [Some(_), None] => Some(Kind::Triangles),
+                [Some(a), Some(b)] if v.branch(Compare::LessEqual, a, b) => Some(Kind::Triangles),
+                _ => Some(Kind::Edges),
+            };
+            if let (Some(objects), Some(left)) = (&self.objects, &mut left) {
+                let object = match kind.and_then(|kind| found[kind as usize]) {
+                    Some(object) => object,
+                    None => v.s_imm(-1),
+                };
+                if objects.turn_to(v, object, kept, coverage, left) {
+                    coverage = [none; 2];
+                }
+            }
+            let Some(kind) = kind else { break };
+            let at = next[kind as usize];
+            if kind == Kind::Edges {
+                coverage = self.add(v, samples, &light, at, coverage);
+            } else if let (Some(objects), Some(left)) = (&self.objects, &mut left) {
+                objects.count(v, samples, at, left);
+            }
+            next[kind as usize] = scalar!(v, at + { words::<CellRecord>() as i32 });
+            found[kind as usize] = None;
+        }
+
+        let columns = each!(k in [0, 1] => self.sums.column(field!(Sums.coverage[k])));
+        if let (Some(objects), Some(left)) = (&self.objects, &left) {
+            let covered = objects.covered(v, samples, left);
+            v.vstore_i32(samples.live, columns[0], samples.first, covered);
+            return;
+        }
+        for (column, coverage) in columns.into_iter().zip(coverage) {
+            let coverage = kept.in_fixed_point(v, coverage);
+            v.vstore_i32(samples.live, column, samples.first, coverage);
+        }
     }
 
-    #[inline(always)]
-    fn end<V: Vpu>(&self, v: &mut V, samples: &Samples<V>, state: &Coverage<V>) {
-        for (k, coverage) in state.coverage.into_iter().enumerate() {
-            let coverage = self.how.kept.in_fixed_point(v, coverage);
-            let column = self.sums.column(field!(Sums.coverage[k]));
-            v.vstore_i32(samples.live, column, samples.first, coverage);
+    /// Where objects are told apart, a cell without silhouettes has all of the light as its middle, or as the horizon has it.
+    fn zeros(&self) -> Option<[Addr; 2]> {
+        match self.objects {
+            None => Some([0, 1].map(|k| self.sums.column(field!(Sums.coverage[k])))),
+            Some(_) => None,
         }
     }
 }

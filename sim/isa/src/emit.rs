@@ -2,6 +2,8 @@
 
 use crate::arena::Line;
 use crate::lanes::Lanes;
+#[cfg(target_arch = "x86_64")]
+use crate::record::Record;
 use crate::stream::StreamLine;
 use crate::uop::Class;
 
@@ -113,5 +115,73 @@ impl Emit for Count<'_> {
     #[inline(always)]
     fn under_mask(&mut self, k: u16) {
         self.0.lanes_masked += u64::from(k.count_zeros());
+    }
+}
+
+/// Counts operations or records them, as is known when a kernel runs: one copy of its code does both.
+///
+/// For lanes so slow that a call for each operation costs little; the code of such kernels was most of the time to compile them.
+#[cfg(target_arch = "x86_64")]
+pub enum Either<'a> {
+    /// Counts.
+    Count(Count<'a>),
+    /// Records.
+    Record(Record<'a>),
+}
+
+#[cfg(target_arch = "x86_64")]
+impl Emit for Either<'_> {
+    type Id = usize;
+    const NONE: usize = Record::NONE;
+    const LINES: bool = true;
+
+    #[inline(never)]
+    fn alu<const N: usize>(&mut self, class: Class, producers: [usize; N]) -> usize {
+        match self {
+            Self::Count(count) => count.alu(class, [(); N]),
+            Self::Record(record) => return record.alu(class, producers),
+        }
+        Self::NONE
+    }
+    #[inline(never)]
+    fn memory<const N: usize>(&mut self, class: Class, producers: [usize; N], lines: u8) -> usize {
+        match self {
+            Self::Count(count) => count.memory(class, [(); N], lines),
+            Self::Record(record) => return record.memory(class, producers, lines),
+        }
+        Self::NONE
+    }
+    #[inline(never)]
+    fn line(&mut self, line: StreamLine) {
+        if let Self::Record(record) = self {
+            record.line(line);
+        }
+    }
+    #[inline(never)]
+    fn line_or_two(&mut self, first: Line, last: Line) -> u8 {
+        if let Self::Record(record) = self { record.line_or_two(first, last) } else { 0 }
+    }
+    #[inline(never)]
+    fn distinct_lines<L: Lanes>(&mut self, k: u16, lines: L::I) -> u8 {
+        if let Self::Record(record) = self { record.distinct_lines::<L>(k, lines) } else { 0 }
+    }
+    #[inline(never)]
+    fn repeat_lines<L: Lanes>(&mut self, count: u8) {
+        if let Self::Record(record) = self {
+            record.repeat_lines::<L>(count);
+        }
+    }
+    #[inline(never)]
+    fn reads<const N: usize>(&mut self, vectors: [usize; N]) {
+        if let Self::Record(record) = self {
+            record.reads(vectors);
+        }
+    }
+    #[inline(never)]
+    fn under_mask(&mut self, k: u16) {
+        match self {
+            Self::Count(count) => count.under_mask(k),
+            Self::Record(record) => record.under_mask(k),
+        }
     }
 }

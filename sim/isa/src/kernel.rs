@@ -7,8 +7,12 @@ use core::ops::Range;
 
 use crate::arena::Arena;
 use crate::backend::Backend;
+#[cfg(target_arch = "x86_64")]
+use crate::emit::Either;
 use crate::emit::{Count, OpCounts};
 use crate::host::HostSimd;
+#[cfg(target_arch = "x86_64")]
+use crate::lanes::{Avx2, Avx512};
 use crate::lanes::{Lanes, Portable};
 use crate::record::{Buffers, Record, Recorded};
 use crate::stream::Stream;
@@ -71,77 +75,118 @@ fn record_task<K: Kernel, L: Lanes>(
     v.emitted().recorded()
 }
 
+/// The code of a kernel on lanes that are arrays.
+///
+/// Of a trait, as are the shells, so that the compiler sorts the code of a kernel to that of its module, and not all code of all
+/// kernels into one unit that one thread compiles.
+#[cfg(target_arch = "x86_64")]
+trait RunPortable {
+    /// Runs one task. It is most of the code that a kernel is, so that there is one copy for counting and recording.
+    fn run_portable(&self, v: &mut Backend<'_, Portable, Either<'_>>, task: u32);
+}
+
+#[cfg(target_arch = "x86_64")]
+impl<K: Kernel> RunPortable for K {
+    #[inline(never)]
+    fn run_portable(&self, v: &mut Backend<'_, Portable, Either<'_>>, task: u32) {
+        let task = v.s_imm(task as i32);
+        self.run(v, task);
+    }
+}
+
+/// As [`run_tasks`], on lanes that are arrays.
+#[cfg(target_arch = "x86_64")]
+fn run_tasks_portable<K: Kernel>(
+    kernel: &K,
+    arena: &Arena,
+    tasks: Range<u32>,
+    shared: bool,
+    counts: &mut OpCounts,
+) {
+    for task in tasks {
+        let mut v = Backend::new(arena, Either::Count(Count(&mut *counts)), task, shared);
+        kernel.run_portable(&mut v, task);
+    }
+}
+
+/// As [`record_task`], on lanes that are arrays.
+#[cfg(target_arch = "x86_64")]
+fn record_task_portable<K: Kernel>(
+    kernel: &K,
+    arena: &Arena,
+    task: u32,
+    shared: bool,
+    buffers: &mut Buffers,
+) -> Recorded {
+    let mut v = Backend::new(arena, Either::Record(Record::new(buffers)), task, shared);
+    kernel.run_portable(&mut v, task);
+    match v.emitted() {
+        Either::Record(record) => record.recorded(),
+        Either::Count(_) => unreachable!("it records from the beginning"),
+    }
+}
+
+/// A kernel inside functions with target features.
+///
+/// # Safety
+/// The host must have the [`HostSimd`] of the name.
 #[cfg(target_arch = "x86_64")]
 #[expect(unsafe_code, reason = "functions with target features may only run on hosts that have them")]
-mod shells {
-    use super::*;
-    use crate::lanes::{Avx2, Avx512};
+#[expect(clippy::missing_safety_doc, reason = "said once for all, above")]
+trait Shells {
+    unsafe fn run_avx512(&self, arena: &Arena, tasks: Range<u32>, shared: bool, out: &mut OpCounts);
+    unsafe fn run_avx2(&self, arena: &Arena, tasks: Range<u32>, shared: bool, out: &mut OpCounts);
+    unsafe fn record_avx512(&self, arena: &Arena, task: u32, shared: bool, buffers: &mut Buffers)
+    -> Recorded;
+    unsafe fn record_avx2(&self, arena: &Arena, task: u32, shared: bool, buffers: &mut Buffers) -> Recorded;
+}
 
-    /// # Safety
-    /// The host must have [`HostSimd::Avx512`].
+#[cfg(target_arch = "x86_64")]
+#[expect(unsafe_code, reason = "functions with target features may only run on hosts that have them")]
+impl<K: Kernel> Shells for K {
     #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512dq,avx512cd,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-    pub unsafe fn run_avx512<K: Kernel>(
-        k: &K,
-        arena: &Arena,
-        tasks: Range<u32>,
-        shared: bool,
-        out: &mut OpCounts,
-    ) {
-        run_tasks::<K, Avx512>(k, arena, tasks, shared, out);
+    unsafe fn run_avx512(&self, arena: &Arena, tasks: Range<u32>, shared: bool, out: &mut OpCounts) {
+        run_tasks::<K, Avx512>(self, arena, tasks, shared, out);
     }
 
-    /// # Safety
-    /// The host must have [`HostSimd::Avx2`].
     #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-    pub unsafe fn run_avx2<K: Kernel>(
-        k: &K,
-        arena: &Arena,
-        tasks: Range<u32>,
-        shared: bool,
-        out: &mut OpCounts,
-    ) {
-        run_tasks::<K, Avx2>(k, arena, tasks, shared, out);
+    unsafe fn run_avx2(&self, arena: &Arena, tasks: Range<u32>, shared: bool, out: &mut OpCounts) {
+        run_tasks::<K, Avx2>(self, arena, tasks, shared, out);
     }
 
-    /// # Safety
-    /// The host must have [`HostSimd::Avx512`].
     #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512dq,avx512cd,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-    pub unsafe fn record_avx512<K: Kernel>(
-        k: &K,
+    unsafe fn record_avx512(
+        &self,
         arena: &Arena,
         task: u32,
         shared: bool,
         buffers: &mut Buffers,
     ) -> Recorded {
-        record_task::<K, Avx512>(k, arena, task, shared, buffers)
+        record_task::<K, Avx512>(self, arena, task, shared, buffers)
     }
 
-    /// # Safety
-    /// The host must have [`HostSimd::Avx512`].
-    #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512dq,avx512cd,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-    pub unsafe fn finish_avx512(buffers: &mut Buffers, recorded: Recorded, out: &mut Stream) {
-        buffers.finish::<Avx512>(recorded, out);
-    }
-
-    /// # Safety
-    /// The host must have [`HostSimd::Avx2`].
     #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-    pub unsafe fn record_avx2<K: Kernel>(
-        k: &K,
-        arena: &Arena,
-        task: u32,
-        shared: bool,
-        buffers: &mut Buffers,
-    ) -> Recorded {
-        record_task::<K, Avx2>(k, arena, task, shared, buffers)
+    unsafe fn record_avx2(&self, arena: &Arena, task: u32, shared: bool, buffers: &mut Buffers) -> Recorded {
+        record_task::<K, Avx2>(self, arena, task, shared, buffers)
     }
+}
 
-    /// # Safety
-    /// The host must have [`HostSimd::Avx2`].
-    #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-    pub unsafe fn finish_avx2(buffers: &mut Buffers, recorded: Recorded, out: &mut Stream) {
-        buffers.finish::<Avx2>(recorded, out);
-    }
+/// # Safety
+/// The host must have [`HostSimd::Avx512`].
+#[cfg(target_arch = "x86_64")]
+#[expect(unsafe_code, reason = "functions with target features may only run on hosts that have them")]
+#[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512dq,avx512cd,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+unsafe fn finish_avx512(buffers: &mut Buffers, recorded: Recorded, out: &mut Stream) {
+    buffers.finish::<Avx512>(recorded, out);
+}
+
+/// # Safety
+/// The host must have [`HostSimd::Avx2`].
+#[cfg(target_arch = "x86_64")]
+#[expect(unsafe_code, reason = "functions with target features may only run on hosts that have them")]
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+unsafe fn finish_avx2(buffers: &mut Buffers, recorded: Recorded, out: &mut Stream) {
+    buffers.finish::<Avx2>(recorded, out);
 }
 
 impl<K: Kernel> AnyKernel for K {
@@ -151,10 +196,13 @@ impl<K: Kernel> AnyKernel for K {
         match simd {
             // SAFETY: the host has it, asserted above.
             #[cfg(target_arch = "x86_64")]
-            HostSimd::Avx512 => unsafe { shells::run_avx512(self, arena, tasks, shared, counts) },
+            HostSimd::Avx512 => unsafe { self.run_avx512(arena, tasks, shared, counts) },
             // SAFETY: the host has it, asserted above.
             #[cfg(target_arch = "x86_64")]
-            HostSimd::Avx2 => unsafe { shells::run_avx2(self, arena, tasks, shared, counts) },
+            HostSimd::Avx2 => unsafe { self.run_avx2(arena, tasks, shared, counts) },
+            #[cfg(target_arch = "x86_64")]
+            HostSimd::Portable => run_tasks_portable(self, arena, tasks, shared, counts),
+            #[cfg(not(target_arch = "x86_64"))]
             _ => run_tasks::<K, Portable>(self, arena, tasks, shared, counts),
         }
     }
@@ -170,16 +218,19 @@ impl<K: Kernel> AnyKernel for K {
                 // SAFETY: the host has it, asserted above.
                 #[cfg(target_arch = "x86_64")]
                 HostSimd::Avx512 => unsafe {
-                    let recorded = shells::record_avx512(self, arena, task, shared, buffers);
-                    shells::finish_avx512(buffers, recorded, stream);
+                    let recorded = self.record_avx512(arena, task, shared, buffers);
+                    finish_avx512(buffers, recorded, stream);
                 },
                 // SAFETY: the host has it, asserted above.
                 #[cfg(target_arch = "x86_64")]
                 HostSimd::Avx2 => unsafe {
-                    let recorded = shells::record_avx2(self, arena, task, shared, buffers);
-                    shells::finish_avx2(buffers, recorded, stream);
+                    let recorded = self.record_avx2(arena, task, shared, buffers);
+                    finish_avx2(buffers, recorded, stream);
                 },
                 _ => {
+                    #[cfg(target_arch = "x86_64")]
+                    let recorded = record_task_portable(self, arena, task, shared, buffers);
+                    #[cfg(not(target_arch = "x86_64"))]
                     let recorded = record_task::<K, Portable>(self, arena, task, shared, buffers);
                     buffers.finish::<Portable>(recorded, stream);
                 }

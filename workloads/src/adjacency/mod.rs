@@ -6,6 +6,7 @@
 mod aspect;
 mod copies;
 mod counting;
+mod objects;
 mod orient;
 mod silhouette;
 mod weld;
@@ -15,6 +16,7 @@ mod tests;
 
 pub use aspect::{Aspect, CUT_TRIANGLES_MAX, CutLeft, CutTriangle};
 pub use counting::Counting;
+pub use objects::objects;
 pub(crate) use silhouette::counts;
 pub use silhouette::{EdgeWeights, Stance, edge_weights, silhouette_edges, stances};
 

@@ -20,7 +20,7 @@ mod tests;
 
 pub use hard::{HardHit, hard_test};
 pub use metrics::ErrorMetrics;
-pub use occluders::{Occluders, Projection};
+pub use occluders::{ObjectRule, Occluders, Projection};
 pub use printed::{AsPrinted, ImagePlane};
 pub(crate) use rays::GOLDEN_ANGLE;
 pub use rays::{Rays, Truth, shadow_rays, spiral};

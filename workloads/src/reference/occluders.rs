@@ -1,11 +1,13 @@
 //! The `exact` form by brute force.
 
+use std::collections::BTreeMap;
+
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use super::hard::{greatest_t, hard_test, is_left, plane_slack};
 use super::segment::{area_beyond, line_beyond, square_beyond};
-use crate::adjacency::{Adjacency, Aspect, Counting, CutTriangle, EdgeWeights, Stance, counts};
+use crate::adjacency::{Adjacency, Aspect, Counting, CutTriangle, EdgeWeights, Stance, counts, objects};
 use crate::eye::EyeView;
 use crate::light::{Light, LightShape, Outline, dual};
 use crate::mesh::Mesh;
@@ -181,14 +183,32 @@ fn holds(polygon: &[DVec2], place: DVec2) -> bool {
     !polygon.is_empty() && (sides().all(|x| x >= 0.0) || sides().all(|x| x <= 0.0))
 }
 
+/// How what several objects hide of the light is put together.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ObjectRule {
+    /// Each hides of what the others leave as much as of the whole, as if they were strewn at random.
+    Product,
+    /// What hides the most hides what all the others do.
+    Max,
+}
+
+/// The part of the light beyond the edge between two points in the exact form, unsigned.
+fn exact_part(projection: &Projection, v0: DVec3, v1: DVec3) -> f64 {
+    projection.edge(v0, v1).map_or(0.0, |[u0, u1]| projection.part_beyond(u0, u1))
+}
+
 #[derive(Clone, Copy)]
 struct Face {
+    /// Number of its object.
+    object: u32,
     index: [u32; 3],
     front: i32,
     back: i32,
 }
 
 struct Silhouette {
+    /// Number of its object.
+    object: u32,
     v: [u32; 2],
     weights: EdgeWeights,
 }
@@ -264,12 +284,13 @@ impl Occluders {
                 a.dot((b - a).cross(c - a))
             })
             .collect();
-        let faces = triangles
+        let objects = objects(triangles.len(), rows.iter().copied());
+        let faces: Vec<Face> = triangles
             .iter()
-            .zip(counting.iter().zip(&det))
-            .map(|(&index, (&counting, &det))| {
+            .zip(counting.iter().zip(&det).zip(&objects))
+            .map(|(&index, ((&counting, &det), &object))| {
                 let (front, back) = counts(counting, det);
-                Face { index, front, back }
+                Face { object, index, front, back }
             })
             .collect();
         let edges = edges
@@ -281,7 +302,8 @@ impl Occluders {
                     let t = (face >> 1) as usize;
                     weights.add(counting[t], det[t], face & 1);
                 }
-                Silhouette { v, weights }
+                let object = row.first().map_or(0, |face| objects[(face >> 1) as usize]);
+                Silhouette { object, v, weights }
             })
             .filter(|edge| edge.weights.is_silhouette())
             .collect();
@@ -301,22 +323,24 @@ impl Occluders {
         self.edges.len()
     }
 
+    /// The faces that are layers between receiver `p` (light-centred) and the middle of the light.
+    fn layer_faces(&self, p: DVec3, own: u32) -> impl Iterator<Item = &Face> {
+        let counted = move |id: u32, face: &Face| id != own && (face.front != 0 || face.back != 0);
+        self.faces.iter().zip(0_u32..).filter(move |(face, id)| counted(*id, face)).filter_map(
+            move |(face, _)| {
+                let v = face.index.map(|v| self.vertices[v as usize]);
+                let hit = hard_test(v, face.index, p)?;
+                (hit.inside && hit.t > 0.0 && hit.t < greatest_t(v)).then_some(face)
+            },
+        )
+    }
+
     /// Layers in F and B between receiver `p` (light-centred) and the middle of the light, the umbra.
     fn layers(&self, p: DVec3, own: u32) -> EdgeWeights {
         let mut layers = EdgeWeights::default();
-        for (face, id) in self.faces.iter().zip(0_u32..) {
-            if id == own || (face.front == 0 && face.back == 0) {
-                continue;
-            }
-            let v = face.index.map(|v| self.vertices[v as usize]);
-            if let Some(hit) = hard_test(v, face.index, p)
-                && hit.inside
-                && hit.t > 0.0
-                && hit.t < greatest_t(v)
-            {
-                layers.front += face.front;
-                layers.back += face.back;
-            }
+        for face in self.layer_faces(p, own) {
+            layers.front += face.front;
+            layers.back += face.back;
         }
         layers
     }
@@ -325,9 +349,7 @@ impl Occluders {
     /// does not shadow it.
     #[must_use]
     pub fn sums(&self, p: DVec3, own: u32) -> (f64, f64) {
-        self.sums_of(p, own, |projection, v0, v1| {
-            projection.edge(v0, v1).map_or(0.0, |[u0, u1]| projection.part_beyond(u0, u1))
-        })
+        self.sums_of(p, own, exact_part)
     }
 
     /// [`Occluders::sums`], `part` being what part of the light lies beyond the edge between two points, unsigned.
@@ -337,8 +359,25 @@ impl Occluders {
         own: u32,
         part: impl Fn(&Projection, DVec3, DVec3) -> f64,
     ) -> (f64, f64) {
-        let layers = self.layers(p, own);
-        let (mut front, mut back) = (f64::from(layers.front), f64::from(layers.back));
+        let (mut front, mut back) = (0.0, 0.0);
+        self.each_term(p, own, part, |_, in_front, in_back| {
+            front += in_front;
+            back += in_back;
+        });
+        (front, back)
+    }
+
+    /// Has `take` see each term of [`Occluders::sums_of`]: the object that it is of, and what it adds to F and to B.
+    fn each_term(
+        &self,
+        p: DVec3,
+        own: u32,
+        part: impl Fn(&Projection, DVec3, DVec3) -> f64,
+        mut take: impl FnMut(u32, f64, f64),
+    ) {
+        for face in self.layer_faces(p, own) {
+            take(face.object, f64::from(face.front), f64::from(face.back));
+        }
         // Penumbra: what each silhouette takes from the layers or adds to them.
         if self.radius > 0.0 {
             let projection = Projection::new(p, self.radius, self.shape);
@@ -347,19 +386,36 @@ impl Occluders {
                 let area = part(&projection, v0, v1);
                 if area != 0.0 {
                     let signed = if is_left(p, v0, v1) { -area } else { area };
-                    front += signed * f64::from(edge.weights.front);
-                    back += signed * f64::from(edge.weights.back);
+                    let weights = edge.weights;
+                    take(edge.object, signed * f64::from(weights.front), signed * f64::from(weights.back));
                 }
             }
             // The own triangle is no layer, but its edges are among these: it takes away what lies beyond its horizon.
             if let Some(face) = self.faces.get(own as usize) {
                 let [a, b, c] = face.index.map(|v| self.vertices[v as usize]);
                 let area = projection.beyond_plane((b - a).cross(c - a));
-                front += area * f64::from(face.front);
-                back += area * f64::from(face.back);
+                take(face.object, area * f64::from(face.front), area * f64::from(face.back));
             }
         }
-        (front, back)
+    }
+
+    /// Visible part of the light, in [0, 1], at receiver `p`, where what each object hides of it is put together by `rule`. The faces
+    /// that the light is cut by count as one object.
+    #[must_use]
+    pub fn visibility_by_object(&self, p: DVec3, own: u32, rule: ObjectRule) -> f64 {
+        let mut sums: BTreeMap<u32, (f64, f64)> = BTreeMap::new();
+        self.each_term(p, own, exact_part, |object, front, back| {
+            let sums = sums.entry(object).or_default();
+            sums.0 += front;
+            sums.1 += back;
+        });
+        let hidden = sums.values().map(|sums| covered(*sums, (0.0, 0.0)));
+        let hidden = hidden.chain([covered((0.0, 0.0), self.cut_sums(p, own))]);
+        let visible = hidden.map(|hidden| 1.0 - hidden);
+        match rule {
+            ObjectRule::Product => visible.product(),
+            ObjectRule::Max => visible.fold(1.0, f64::min),
+        }
     }
 
     /// What the faces that the light is cut by hide of it from receiver `p` (light-centred), in F and B: each for itself, whichever
