@@ -159,7 +159,7 @@ mod tests {
     #[test]
     fn the_pattern_of_a_study_takes_what_users_write() {
         let methods = METHODS.map(|method| method.entry());
-        let option = "(form=(exact|printed)|overlap=(sum|bits:64|bits:256)|lights=[0-9]+|sums=(fixed|f32|bf16|f16|f16-truncating)|angle=(atan2|acos))";
+        let option = "(form=(exact|printed)|overlap=(sum|product|max|bits:64|bits:256)|lights=[0-9]+|sums=(fixed|f32|bf16|f16|f16-truncating)|angle=(atan2|acos))";
         assert_eq!(pattern(&methods[..1]), format!("^(sism(:{option}(,{option})*)?)$"));
         let twice = "[:,]angle=.*,angle=|[:,]form=.*,form=|[:,]lights=.*,lights=|[:,]overlap=.*,overlap=|[:,]sums=.*,sums=";
         assert_eq!(pattern_of_twice(&methods[..1]).as_deref(), Some(twice));

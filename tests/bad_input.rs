@@ -86,9 +86,7 @@ fn options_that_do_not_go_together_are_refused() {
     let folder = Folder::new();
     for (option, right) in [("form=printed", "exact"), ("sums=f16", "fixed"), ("angle=acos", "atan2")] {
         let (name, _) = option.split_once('=').expect("an option");
-        let said = format!(
-            "`{option}` of `sism` is for parts that are summed as in the paper, and `overlap=bits:64` does otherwise"
-        );
+        let said = format!("`{option}` of `sism` sums parts of the light, and `overlap=bits:64` sums none");
         let right = format!("it must be `overlap=sum` or `{name}={right}`");
         let text = format!("sism:{option},overlap=bits:64");
         refused(&folder, &["tiny", "-a", &text], &[&said, &right]);

@@ -219,6 +219,17 @@ fn points_of_another_build_are_run_again_and_failures_are_results() {
     let said = shell(&folder, &line).output().expect("a shell").stdout;
     let said = String::from_utf8_lossy(&said);
     assert!(said.contains("4 points: 4 run, 0 found"), "{said}");
+    // A study on one machine takes what it finds, and tells of it.
+    let gathered = || folder.run(&["study", "small.json"]).stderr();
+    assert!(!gathered().contains("builds of lrbsim"));
+    let name = before.keys().next().expect("a point");
+    let path = cache.join(&name[..2]).join(name);
+    let text = std::fs::read_to_string(&path).expect("readable");
+    let mut entry: Value = serde_json::from_str(&text).expect("JSON");
+    entry["build"] = "0".repeat(64).into();
+    std::fs::write(&path, entry.to_string()).expect("writable");
+    assert!(gathered().contains("its points were run by 2 builds of lrbsim"), "{}", gathered());
+    std::fs::write(&path, text).expect("writable");
 
     // A failure that a worker recorded is not tried again by workers.
     let key = before.keys().next().expect("a point").trim_end_matches(".json").to_owned();
@@ -415,6 +426,38 @@ fn held_tasks_without_results_end_the_wait() {
     {
         assert!(said.contains(part), "`{part}` is not in {said}");
     }
+}
+
+/// A task that runs computes, though its job was held after it began.
+#[test]
+fn a_task_that_runs_is_not_held() {
+    let folder = Folder::new();
+    folder.write("few.json", &study("few", "functional", 2, 2));
+    folder.write("queue.held", "7|0|RUNNING|NAME|JobHeldAdmin\n");
+    play(
+        &folder,
+        &[(
+            "sbatch",
+            "cat > script; cp queue.held queue; { sleep 3; SLURM_ARRAY_TASK_ID=0 sh script; rm queue; } > said 2>&1 & echo 7",
+        )],
+    );
+    let (code, said) = wait(played(&folder, &["few.json"]).spawn().expect("it starts"));
+    assert!(code == Some(0) && !said.contains("held"), "{said}");
+}
+
+#[test]
+fn a_submission_that_is_refused_binds_nobody_and_memory_is_said_one_way() {
+    let folder = Folder::new();
+    folder.write("few.json", &study("few", "functional", 2, 2));
+    play(&folder, &[("sbatch", "echo \"$@\" > asked; echo no such option >&2; exit 1")]);
+    let asked = || std::fs::read_to_string(folder.path("asked")).expect("it was asked");
+    let (code, said) = wait(played(&folder, &["few.json", "--shards", "1"]).spawn().expect("it starts"));
+    assert!(code == Some(2) && said.contains("no such option"), "{said}");
+    assert!(asked().contains("--mem="), "{}", asked());
+    let more = ["few.json", "--shards", "2", "--sbatch-arg=--mem-per-cpu=100"];
+    let (code, said) = wait(played(&folder, &more).spawn().expect("it starts"));
+    assert!(code == Some(2) && said.contains("no such option"), "{said}");
+    assert!(!asked().contains("--mem=") && asked().contains("--mem-per-cpu=100"), "{}", asked());
 }
 
 #[test]

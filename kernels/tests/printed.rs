@@ -12,7 +12,7 @@ use lrbsim_kernels::segment::{Angle, sector_less_triangle};
 use lrbsim_kernels::sism::kept::Kept;
 use lrbsim_kernels::sism::{Choices, Overlap};
 use lrbsim_workloads::glam::DVec3;
-use lrbsim_workloads::reference::{AsPrinted, ErrorMetrics, ImagePlane, Occluders};
+use lrbsim_workloads::reference::{AsPrinted, ErrorMetrics, ImagePlane, ObjectRule, Occluders};
 use lrbsim_workloads::{Light, ShadowInput};
 use serde_json::Value;
 
@@ -92,6 +92,23 @@ fn only_rounding(name: &str, size: Option<(u32, u32)>) {
 fn scenes_are_right_but_for_rounding() {
     for (name, size) in [("tiny", None), ("table", Some((96, 72))), ("saloon-small", Some((80, 60)))] {
         only_rounding(name, size);
+    }
+}
+
+#[test]
+fn objects_are_told_apart_in_this_form_too() {
+    for seed in 0..12 {
+        let (mesh, receivers) = random_scene(seed, 400);
+        let input = input(mesh, sphere(0.1), &receivers);
+        let occluders = Occluders::from_input(&input);
+        for (overlap, rule) in [(Overlap::Product, ObjectRule::Product), (Overlap::Max, ObjectRule::Max)] {
+            let truth = AsPrinted(&occluders).visibility_by_object(&input, rule);
+            let choices = Choices { overlap, ..PRINTED };
+            let found = Run::with(&input, choices, On::Host(HostSimd::detect(), 2)).visibility();
+            let off = |(truth, found): (&f64, &f32)| (truth - f64::from(*found)).abs() > 1e-3;
+            let other = truth.iter().zip(&found).filter(|pair| off(*pair)).count();
+            assert!(other <= 4, "seed {seed}, {overlap:?}: {other} of {} differ", found.len());
+        }
     }
 }
 

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::{self, Write};
 
 use crate::host::HostReport;
@@ -249,6 +249,12 @@ pub struct PointHost {
 }
 
 impl StudyHosts {
+    /// How many programs have run the points.
+    #[must_use]
+    pub fn builds(&self) -> usize {
+        self.points.iter().map(|point| &point.build).collect::<BTreeSet<_>>().len()
+    }
+
     /// The bytes of `host.json`: a point a line.
     pub fn to_json(&self) -> String {
         let line = |point| serde_json::to_string(point).expect("a point has string keys");

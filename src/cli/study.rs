@@ -226,7 +226,12 @@ fn run_points(what: &What, args: &StudyArgs, out: &mut impl Write) -> Result<boo
 
     let status = output.status;
     let replaced = replaced_study(&target, &output.head.study);
-    let (paths, digest) = output.write(&target)?;
+    let (paths, digest, builds) = output.write(&target)?;
+    if builds > 1 {
+        say(&format!(
+            "its points were run by {builds} builds of lrbsim, alike in what numbers mean; `build` in host.json tells which"
+        ));
+    }
     for warning in digest.warnings() {
         say(&warning);
     }

@@ -80,9 +80,9 @@ impl StudyOutput {
         (StudyPoint { values: values.clone(), key: key.clone(), error, report }, host)
     }
 
-    /// Writes the results of the study to `dir`, `study.json` last, in place of the results there. Tells their paths, and
-    /// what of the study is still to be shown.
-    pub fn write(&self, dir: &Path) -> Result<(Vec<PathBuf>, Digest), BadInput> {
+    /// Writes the results of the study to `dir`, `study.json` last, in place of the results there. Tells their paths,
+    /// what of the study is still to be shown, and how many builds of lrbsim have run its points.
+    pub fn write(&self, dir: &Path) -> Result<(Vec<PathBuf>, Digest, usize), BadInput> {
         let mut dir = ResultDir::open(dir)?;
         let mut digest = Digest::new(&self.head);
         let mut hosts = StudyHosts::default();
@@ -101,7 +101,7 @@ impl StudyOutput {
             dir.stage(&name, &bytes)?;
         }
         dir.first_goes_last();
-        Ok((dir.replace()?, digest))
+        Ok((dir.replace()?, digest, hosts.builds()))
     }
 }
 

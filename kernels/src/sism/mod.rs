@@ -147,13 +147,10 @@ impl Method for Sism {
         options.whole("lights")
     }
 
-    /// What all hide is summed in the paper's way alone. The others see edges as the exact form has them; where samples of the light
-    /// are compared, no part is measured and none is summed.
+    /// Samples of the light are compared with edges as the exact form has them; no part is measured and none is summed.
     fn objection(&self, options: &Options) -> Option<String> {
         let Choices { overlap, form, sums, angle } = Choices::of(options);
-        if overlap == Overlap::Sum {
-            return None;
-        }
+        overlap.groups()?;
         let other = [
             ("form", form != Form::Exact, "exact"),
             ("sums", sums != Kept::Fixed, "fixed"),
@@ -164,7 +161,7 @@ impl Method for Sism {
             options.written().find(|(name, _)| *name == asked).map(|(_, value)| value).unwrap_or_default()
         };
         Some(format!(
-            "`{name}={}` of `sism` is for parts that are summed as in the paper, and `overlap={}` does otherwise; it must be `overlap=sum` or `{name}={right}`",
+            "`{name}={}` of `sism` sums parts of the light, and `overlap={}` sums none; it must be `overlap=sum` or `{name}={right}`",
             written(name),
             written("overlap")
         ))

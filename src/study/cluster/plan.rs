@@ -113,6 +113,19 @@ pub(super) struct Site {
 }
 
 impl Plan {
+    /// Whether no task of it has ever left a trace.
+    pub fn is_untouched(&self) -> bool {
+        let is_empty = |name: &str| {
+            std::fs::read_dir(self.folder.join(name)).is_ok_and(|mut files| files.next().is_none())
+        };
+        is_empty("log") && is_empty("failed")
+    }
+
+    /// Takes the plan away, so that the study is planned anew. Best effort: one that stays harms nobody.
+    pub fn discard(&self) {
+        let _ = std::fs::remove_file(self.folder.join(PLAN));
+    }
+
     /// The plan of a study whose points are `work`: the one that is there, or a new one, for which `site` is asked.
     pub fn open_or_make(
         study: &Study,

@@ -251,15 +251,22 @@ impl<'a> Run<'a> {
             .arg(format!("--array={}", ranges(&wanted)))
             .arg(format!("--cpus-per-task={threads}"))
             .arg(format!("--time={minutes}"))
-            .arg(format!("--mem={megabytes}M"))
             .arg(format!("--chdir={folder}"))
-            .arg(format!("--output={folder}/log/%A_%a.out"))
-            .args(args);
+            .arg(format!("--output={folder}/log/%A_%a.out"));
+        // Slurm takes one way to say it alone.
+        if !args.iter().any(|arg| arg.starts_with("--mem-per-")) {
+            sbatch.arg(format!("--mem={megabytes}M"));
+        }
+        sbatch.args(args);
         let script = self.script()?;
         let said = patiently(progress, || run(&mut sbatch, Some(&script)));
         let job = said.and_then(|said| job_of(&said)).map_err(|said| {
+            // A plan that nothing ever came of binds nobody.
+            if queued.is_empty() && plan.is_untouched() {
+                plan.discard();
+            }
             BadInput::new(format!("Slurm takes no job: {said}")).with_help(
-                "`--sbatch-arg` adds what your site asks for, as in `--sbatch-arg=--partition=NAME`; it may also say less memory or time. Where a site allows fewer tasks, remove the folder of the plan and say fewer `--shards`",
+                "`--sbatch-arg` adds what your site asks for, as in `--sbatch-arg=--partition=NAME`; it may also say less memory or time. Where a site allows fewer tasks, say fewer `--shards`, and remove the folder of the plan if tasks of it ran",
             )
         })?;
         let tasks = counted(wanted.len() as u64, "task");
@@ -404,9 +411,10 @@ impl Task {
         self.state == "PENDING" && !self.is_held()
     }
 
-    /// Whether it waits until somebody lets it go on.
+    /// Whether it waits until somebody lets it go on. One that runs does not, whatever was done to its job: it would be held if it
+    /// were requeued.
     fn is_held(&self) -> bool {
-        self.reason.to_ascii_lowercase().contains("held")
+        self.state == "PENDING" && self.reason.to_ascii_lowercase().contains("held")
     }
 
     /// Whether it waits for something other than its turn.
@@ -609,13 +617,13 @@ mod tests {
 
     #[test]
     fn what_squeue_says_is_understood() {
-        let text = "12|0|RUNNING|a|None\n12|3|PENDING|a|launch failed requeued held\n12|4|PENDING|a|JobHeldUser\n 12|5|PENDING|a|QOSMaxJobsPerUserLimit\nnoise\n";
+        let text = "12|0|RUNNING|a|None\n12|1|RUNNING|a|JobHeldAdmin\n12|3|PENDING|a|launch failed requeued held\n12|4|PENDING|a|JobHeldUser\n 12|5|PENDING|a|QOSMaxJobsPerUserLimit\nnoise\n";
         let tasks = tasks(text);
         assert!(tasks.iter().all(|task| (task.job.as_str(), task.name.as_str()) == ("12", "a")));
-        assert_eq!(tasks.iter().map(|task| task.shard).collect::<Vec<_>>(), [0, 3, 4, 5]);
-        assert_eq!(tasks.iter().map(Task::is_running).collect::<Vec<_>>(), [true, false, false, false]);
-        assert_eq!(tasks.iter().map(Task::is_held).collect::<Vec<_>>(), [false, true, true, false]);
-        assert_eq!(tasks.iter().map(Task::is_stuck).collect::<Vec<_>>(), [false, false, false, true]);
+        assert_eq!(tasks.iter().map(|task| task.shard).collect::<Vec<_>>(), [0, 1, 3, 4, 5]);
+        assert_eq!(tasks.iter().map(Task::is_running).collect::<Vec<_>>(), [true, true, false, false, false]);
+        assert_eq!(tasks.iter().map(Task::is_held).collect::<Vec<_>>(), [false, false, true, true, false]);
+        assert_eq!(tasks.iter().map(Task::is_stuck).collect::<Vec<_>>(), [false, false, false, false, true]);
     }
 
     #[test]

@@ -403,8 +403,19 @@ impl Occluders {
     /// that the light is cut by count as one object.
     #[must_use]
     pub fn visibility_by_object(&self, p: DVec3, own: u32, rule: ObjectRule) -> f64 {
+        self.by_object(p, own, exact_part, rule)
+    }
+
+    /// [`Occluders::visibility_by_object`], `part` being what part of the light lies beyond the edge between two points, unsigned.
+    pub(super) fn by_object(
+        &self,
+        p: DVec3,
+        own: u32,
+        part: impl Fn(&Projection, DVec3, DVec3) -> f64,
+        rule: ObjectRule,
+    ) -> f64 {
         let mut sums: BTreeMap<u32, (f64, f64)> = BTreeMap::new();
-        self.each_term(p, own, exact_part, |object, front, back| {
+        self.each_term(p, own, part, |object, front, back| {
             let sums = sums.entry(object).or_default();
             sums.0 += front;
             sums.1 += back;

@@ -2,7 +2,7 @@
 
 use glam::{DVec2, DVec3};
 
-use super::occluders::{Occluders, covered, of_receivers};
+use super::occluders::{ObjectRule, Occluders, covered, of_receivers};
 use super::segment::area_beyond;
 use crate::shadow_input::ShadowInput;
 
@@ -103,6 +103,15 @@ impl AsPrinted<'_> {
     #[must_use]
     pub fn visibility_at(&self, p: DVec3, own: u32, plane: ImagePlane) -> f64 {
         1.0 - covered(self.sums(p, own, plane), self.0.cut_sums(p, own))
+    }
+
+    /// [`Occluders::visibility_by_object`] of each receiver of `input`, which the occluders were made from, on the image plane of its face.
+    #[must_use]
+    pub fn visibility_by_object(&self, input: &ShadowInput, rule: ObjectRule) -> Vec<f64> {
+        of_receivers(input, |p, own| {
+            let plane = ImagePlane::of_face(p);
+            self.0.by_object(p, own, |_, v0, v1| self.part(p, plane, v0, v1), rule)
+        })
     }
 
     /// Visibility of each receiver of `input`, which the occluders were made from, on the image plane of its face.
