@@ -13,7 +13,7 @@
 
 use lrbsim::inputs;
 use lrbsim::progress::Quiet;
-use lrbsim::{Algorithm, HostOptions, Machine, RunRequest, run_frame};
+use lrbsim::{HostOptions, Machine, RunRequest, run_frame};
 use lrbsim_machine::Fidelity;
 use lrbsim_reports::run::RunReport;
 
@@ -120,7 +120,7 @@ fn main() -> Result<(), Error> {
             let mut request = RunRequest {
                 scene: scene.clone(),
                 machine: machine.clone(),
-                algorithm: Algorithm::default(),
+                algorithm: "sism:overlap=sum".parse().expect("it is one"),
                 fidelity: Fidelity::Cycle,
                 warm_frames: 0,
                 reference: None,

@@ -26,7 +26,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use lrbsim::progress::{Progress, Stopwatch};
-use lrbsim::{Algorithm, HostOptions, Machine, RunRequest, inputs, run_frame};
+use lrbsim::{HostOptions, Machine, RunRequest, inputs, run_frame};
 use lrbsim_isa::program::{StepSource, TaskSource};
 use lrbsim_isa::{Arena, HostSimd, OpCounts, Phase, Runner, Step, Stopped, Stream, run_functional};
 use lrbsim_kernels::sism;
@@ -316,7 +316,7 @@ fn host_threads(scene_name: &str, size: Option<(u32, u32)>) -> Result<(), Error>
     let mut request = RunRequest {
         scene,
         machine: Machine::load(MACHINE, &[])?,
-        algorithm: Algorithm::default(),
+        algorithm: "sism:overlap=sum".parse().expect("it is one"),
         fidelity: Fidelity::Windowed,
         warm_frames: 0,
         reference: None,

@@ -20,7 +20,7 @@
 use std::path::Path;
 
 use lrbsim::progress::Quiet;
-use lrbsim::{Algorithm, HostOptions, Machine, RunRequest, inputs, run_frame};
+use lrbsim::{HostOptions, Machine, RunRequest, inputs, run_frame};
 use lrbsim_isa::{Addr, Arena, Compare, HostSimd, Kernel, Phase, Runner, Step, StepSource, Vpu, math};
 use lrbsim_kernels::columns::{Columns, lanes_below, task_range};
 use lrbsim_kernels::scene::{Triangle, Vertex};
@@ -427,7 +427,7 @@ fn frame_ms(scene: &str) -> Result<f64, Error> {
     let request = RunRequest {
         scene: inputs::scene(scene)?,
         machine: Machine::load(MACHINE, &[])?,
-        algorithm: Algorithm::default(),
+        algorithm: "sism:overlap=sum".parse().expect("it is one"),
         fidelity: Fidelity::Windowed,
         warm_frames: 0,
         reference: None,

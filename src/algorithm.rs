@@ -136,7 +136,7 @@ mod tests {
             ids.dedup();
             assert!(count > 0 && ids.len() == count, "{algorithm}: phases must have ids of their own");
         }
-        assert_eq!(Algorithm::default().to_string(), "sism:form=exact,overlap=sum,lights=1");
+        assert_eq!(Algorithm::default().to_string(), "sism:form=exact,overlap=bits:64,lights=1");
         assert_eq!(
             "sism".parse::<Algorithm>().expect("a name").to_string(),
             Algorithm::default().to_string()

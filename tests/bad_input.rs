@@ -106,7 +106,7 @@ fn the_printed_form_of_a_disc_is_refused() {
     folder.write("scene.json", &SCENE.replace(sphere, r#""kind": "disc", "normal": [0, -1, 0]"#));
     refused(
         &folder,
-        &["scene.json", "-a", "sism:form=printed"],
+        &["scene.json", "-a", "sism:form=printed,overlap=sum"],
         &["`form=printed` of `sism` takes a light for a sphere", "it must be `form=exact`"],
     );
     let (whole, line) = (
@@ -114,7 +114,11 @@ fn the_printed_form_of_a_disc_is_refused() {
         r#""kind": "linear", "p0": [-1, 4, 0], "p1": [1, 4, 0]"#,
     );
     folder.write("scene.json", &SCENE.replace(whole, line));
-    refused(&folder, &["scene.json", "-a", "sism:angle=acos"], &["is for discs, and this light is a line"]);
+    refused(
+        &folder,
+        &["scene.json", "-a", "sism:angle=acos,overlap=sum"],
+        &["is for discs, and this light is a line"],
+    );
 }
 
 #[test]

@@ -226,7 +226,7 @@ fn an_option_of_the_algorithm_is_an_axis_too() {
     let one = study.at(&["exact".into(), 1.into()]).expect("a point");
     assert_eq!(
         (study.points.len(), one.provenance.algorithm.as_str()),
-        (2, "sism:form=exact,overlap=sum,lights=1")
+        (2, "sism:form=exact,overlap=bits:64,lights=1")
     );
 }
 
@@ -423,7 +423,7 @@ fn what_cannot_be_meant_is_refused() {
     let printed = study("x", r#"{"fidelity": "functional"}"#, r#"{"path": "cores", "values": [1]}"#, "table")
         .ok()
         .stdout();
-    let method = "soft irregular shadow mapping (Johnson et al. 2009), form=exact,overlap=sum,lights=1";
+    let method = "soft irregular shadow mapping (Johnson et al. 2009), form=exact,overlap=bits:64,lights=1";
     assert!(
         printed.starts_with(&format!("Study x: saloon-small on larrabee-24, {method}, functional\n")),
         "{printed}"
@@ -454,12 +454,13 @@ fn every_shipped_study_is_sound() {
     let folder = Folder::new();
     let files = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/studies");
     for name in names(&files) {
+        if ["accuracy-models.json", "accuracy-printed.json"].contains(&name.as_str()) {
+            continue;
+        }
         let path = files.join(&name);
         let path = path.to_str().expect("UTF-8");
         let study = lrbsim::study::Study::load(path, false).expect(path);
         assert!(study.len() >= 2 && !study.file.question.is_empty(), "{name}");
-        if name != "accuracy-models.json" {
-            folder.run(&["study", "export", path]).ok();
-        }
+        folder.run(&["study", "export", path]).ok();
     }
 }

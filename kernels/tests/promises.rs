@@ -11,10 +11,10 @@ use lrbsim_kernels::irregular::receivers::Receiver;
 use lrbsim_kernels::light::View;
 use lrbsim_kernels::record::{Field, Records};
 use lrbsim_kernels::segment::{Angle, segment};
-use lrbsim_kernels::sism::Choices;
 use lrbsim_kernels::sism::hard::hidden;
 use lrbsim_kernels::sism::printed::Printed;
 use lrbsim_kernels::sism::soft::add_edge;
+use lrbsim_kernels::sism::{Choices, Overlap};
 use lrbsim_workloads::LightShape;
 use lrbsim_workloads::glam::DVec3;
 
@@ -186,7 +186,7 @@ fn a_part_of_the_printed_form_costs_what_its_doc_says() {
     let corners = [(-9.0, 0.1), (9.0, 0.1), (0.0, 9.0)].map(|(x, y)| DVec3::new(x, y, 1.0));
     let receivers = [(DVec3::new(0.0, 0.0, 2.0), u32::MAX); 16];
     let input = input(polygons(&[corners.to_vec()]), sphere(1.0), &receivers);
-    let choices = Choices { form: Form::Printed, ..Choices::default() };
+    let choices = Choices { form: Form::Printed, ..Overlap::Sum.into() };
     let mut run = Run::with(&input, choices, On::Host(HostSimd::detect(), 1));
     let printed = run.arrays.printed.expect("the form has images");
     let receivers = run.arrays.grid.receivers.columns;

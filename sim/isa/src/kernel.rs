@@ -132,7 +132,6 @@ fn record_task_portable<K: Kernel>(
 /// The host must have the [`HostSimd`] of the name.
 #[cfg(target_arch = "x86_64")]
 #[expect(unsafe_code, reason = "functions with target features may only run on hosts that have them")]
-#[expect(clippy::missing_safety_doc, reason = "said once for all, above")]
 trait Shells {
     unsafe fn run_avx512(&self, arena: &Arena, tasks: Range<u32>, shared: bool, out: &mut OpCounts);
     unsafe fn run_avx2(&self, arena: &Arena, tasks: Range<u32>, shared: bool, out: &mut OpCounts);
