@@ -461,6 +461,6 @@ fn every_shipped_study_is_sound() {
         let path = path.to_str().expect("UTF-8");
         let study = lrbsim::study::Study::load(path, false).expect(path);
         assert!(study.len() >= 2 && !study.file.question.is_empty(), "{name}");
-        folder.run(&["study", "export", path]).ok();
+        assert_eq!(folder.run(&["study", "export", path]).code(), Some(0), "{name}");
     }
 }

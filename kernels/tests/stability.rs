@@ -4,6 +4,7 @@ mod common;
 
 use common::{On, Random, Run, input, polygons, shipped};
 use lrbsim_isa::HostSimd;
+use lrbsim_kernels::sism::Overlap;
 use lrbsim_workloads::glam::DVec3;
 use lrbsim_workloads::reference::Occluders;
 use lrbsim_workloads::{Adjacency, EyeView, Light, Mesh, Scene, ShadowInput};
@@ -13,11 +14,11 @@ fn on() -> On {
 }
 
 /// Visibility of every pixel of `scene`, 2 where it sees nothing.
-fn picture(scene: &Scene, width: u32, height: u32) -> Vec<f32> {
+fn picture(scene: &Scene, overlap: Overlap, [width, height]: [u32; 2]) -> Vec<f32> {
     let eye = EyeView::render(&scene.mesh, &scene.camera, width, height);
     let input = ShadowInput::new(scene, &Adjacency::new(&scene.mesh), &eye);
     let mut pixels = vec![2.0; (width * height) as usize];
-    for (pixel, visible) in eye.pixels.iter().zip(Run::new(&input, on()).visibility()) {
+    for (pixel, visible) in eye.pixels.iter().zip(Run::with(&input, overlap, on()).visibility()) {
         pixels[*pixel as usize] = visible;
     }
     pixels
@@ -42,10 +43,9 @@ fn off(a: &[f32], b: &[f32]) -> usize {
 
 #[test]
 fn the_picture_is_the_same_at_every_scale_and_far_from_the_origin() {
-    const SIZE: (u32, u32) = (200, 150);
+    const SIZE: [u32; 2] = [200, 150];
     let (scene, ..) = shipped("tiny", None);
     let size = scene.mesh.bounds().diagonal();
-    let plain = picture(&scene, SIZE.0, SIZE.1);
     let direction = DVec3::new(0.6, -0.48, 0.64);
     for (what, moved) in [
         ("scale 1e-3", placed(&scene, 1e-3, DVec3::ZERO)),
@@ -53,9 +53,16 @@ fn the_picture_is_the_same_at_every_scale_and_far_from_the_origin() {
         ("scale 1e6", placed(&scene, 1e6, DVec3::ZERO)),
         ("1e5 sizes off the origin", placed(&scene, 1.0, direction * (1e5 * size))),
     ] {
-        let different = off(&plain, &picture(&moved, SIZE.0, SIZE.1));
-        println!("{what}: {different} of {} pixels", plain.len());
-        assert!(different * 10_000 <= plain.len(), "{what}: {different} of {} pixels", plain.len());
+        for overlap in Overlap::ALL {
+            let plain = picture(&scene, overlap, SIZE);
+            let different = off(&plain, &picture(&moved, overlap, SIZE));
+            println!("{what}, {overlap:?}: {different} of {} pixels", plain.len());
+            assert!(
+                different * 10_000 <= plain.len(),
+                "{what}, {overlap:?}: {different} of {} pixels",
+                plain.len()
+            );
+        }
     }
 }
 
