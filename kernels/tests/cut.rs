@@ -2,13 +2,14 @@
 
 mod common;
 
-use common::{On, Random, Run, add_box, back_ends, input, polygons, random_scene, shipped, sphere};
+use common::{On, Random, Run, add_box, back_ends, input, polygons, random_scene, shipped, sphere, turned};
 use lrbsim_isa::HostSimd;
 use lrbsim_kernels::sism::Overlap;
+use lrbsim_kernels::sism::bits::{places, turns};
 use lrbsim_workloads::adjacency::CUT_TRIANGLES_MAX;
-use lrbsim_workloads::glam::{DVec2, DVec3, Vec3};
-use lrbsim_workloads::reference::{Occluders, spiral};
-use lrbsim_workloads::{Light, Mesh, ShadowInput};
+use lrbsim_workloads::glam::{DVec3, Vec3};
+use lrbsim_workloads::reference::Occluders;
+use lrbsim_workloads::{Light, Mesh, Outline, ShadowInput};
 
 fn on() -> On {
     On::Host(HostSimd::detect(), 2)
@@ -103,7 +104,7 @@ fn random_scenes_in_the_light_are_as_by_brute_force() {
 
 #[test]
 fn samples_of_a_cut_light_are_hidden_that_are() {
-    let turns: Vec<DVec2> = spiral(16).into_iter().map(|place| place.normalize()).collect();
+    let turns = turns(Outline::Disc);
     for distance in [0.5, 1e-4, 0.0] {
         for (what, mesh) in scenes(distance) {
             let input = input(mesh, sphere(0.25), &around(1000));
@@ -113,8 +114,7 @@ fn samples_of_a_cut_light_are_hidden_that_are() {
                 let mut other = 0;
                 for (i, found) in found.iter().enumerate() {
                     let p = Vec3::from(input.receivers[i]).as_dvec3();
-                    let turn = turns[(input.receiver_pixel[i].wrapping_mul(0x9e37_79b9) >> 28) as usize];
-                    let places: Vec<DVec2> = spiral(count).iter().map(|place| turn.rotate(*place)).collect();
+                    let places = turned(&places(Outline::Disc, count), &turns, input.receiver_pixel[i]);
                     let covered = occluders.covered_samples(p, input.receiver_triangle[i], &places);
                     let hidden = f64::from(count) * (1.0 - f64::from(*found));
                     other += usize::from((hidden - covered as f64).abs() > 0.01);

@@ -3,7 +3,7 @@
 mod common;
 
 use common::{
-    On, Random, Run, add_box, back_ends, cases, input, loops, of_loops, random_scene, shipped, sphere,
+    On, Random, Run, add_box, back_ends, cases, input, loops, of_loops, random_scene, shipped, sphere, turned,
 };
 use lrbsim_isa::HostSimd;
 use lrbsim_kernels::sism::Overlap;
@@ -14,12 +14,6 @@ use lrbsim_workloads::{Light, Mesh, ShadowInput};
 
 /// Ways to compare samples of the light, and how many there are.
 const BITS: [(Overlap, u32); 2] = [(Overlap::Bits64, 64), (Overlap::Bits256, 256)];
-
-/// The samples of the light at a pixel: turned as the kernel turns them.
-fn turned(places: &[DVec2], turns: &[DVec2], pixel: u32) -> Vec<DVec2> {
-    let turn = turns[(pixel.wrapping_mul(0x9e37_79b9) >> 28) as usize];
-    places.iter().map(|place| turn.rotate(*place)).collect()
-}
 
 /// Compares the kernel with counts of single samples: nearly all receivers must have the same, none may be far off; where the light
 /// is cut, two may, that lie next to a face which cuts it and see it nearly edge-on.

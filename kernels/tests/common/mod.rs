@@ -479,6 +479,12 @@ pub fn random_scene(seed: u64, receivers: usize) -> (Mesh, Vec<(DVec3, u32)>) {
     (mesh, points)
 }
 
+/// The samples of the light at a pixel: turned as the kernel turns them.
+pub fn turned(places: &[DVec2], turns: &[DVec2], pixel: u32) -> Vec<DVec2> {
+    let turn = turns[(pixel.wrapping_mul(0x9e37_79b9) >> 28) as usize];
+    places.iter().map(|place| turn.rotate(*place)).collect()
+}
+
 pub fn power_of_ten(exponent: f64) -> f64 {
     10.0_f64.powf(exponent)
 }

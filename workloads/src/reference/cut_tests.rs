@@ -2,6 +2,7 @@
 
 use glam::{DVec2, DVec3};
 
+use super::tests::receivers;
 use super::{ErrorMetrics, Occluders, Truth, spiral};
 use crate::adjacency::{Adjacency, Aspect, CUT_TRIANGLES_MAX, Stance, prepare};
 use crate::light::Light;
@@ -52,19 +53,7 @@ impl Parts {
     }
 }
 
-fn receivers(points: Vec<DVec3>) -> EyeView {
-    let count = points.len() as u32;
-    EyeView {
-        width: count,
-        height: 1,
-        normals: vec![glam::Vec3::Z; points.len()],
-        triangles: vec![u32::MAX; points.len()],
-        pixels: (0..count).collect(),
-        points,
-    }
-}
-
-/// Points all around, none of them in `inside` or on a plane.
+/// Points all around, those that are `outside`; none is on a plane.
 fn around(outside: impl Fn(DVec3) -> bool) -> Vec<DVec3> {
     let golden = DVec3::new(0.819_172_513_396_164_4, 0.671_043_606_703_789_2, 0.549_700_477_901_970_2);
     let point = |k: u32| (golden * f64::from(k) + 0.37).fract() * DVec3::new(4.0, 3.0, 4.0);

@@ -191,7 +191,7 @@ fn a_metric_reports_tail_and_bias() {
 }
 
 /// Receivers at these points, on no triangle.
-fn receivers(points: Vec<DVec3>) -> EyeView {
+pub(super) fn receivers(points: Vec<DVec3>) -> EyeView {
     let count = points.len() as u32;
     EyeView {
         width: count,
