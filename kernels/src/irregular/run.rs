@@ -424,6 +424,7 @@ impl Walk {
         let bits = v.bits_of(depth);
         v.vextract(bits, 0)
     }
+
     /// The record at word `at`.
     pub fn record<V: Vpu>(&self, at: V::S32) -> Record<V, CellRecord> {
         self.records.at(at)

@@ -77,7 +77,7 @@ fn record_task<K: Kernel, L: Lanes>(
 
 /// The code of a kernel on lanes that are arrays.
 ///
-/// Of a trait, as are the shells, so that the compiler sorts the code of a kernel to that of its module, and not all code of all
+/// This is a trait, as [`Shells`] is, so that the compiler sorts the code of a kernel to that of its module, and not all code of all
 /// kernels into one unit that one thread compiles.
 #[cfg(target_arch = "x86_64")]
 trait RunPortable {
