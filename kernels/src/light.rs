@@ -240,10 +240,9 @@ impl<V: Vpu> View<V> {
         [v.vmadd(seen[0], per_height, from_foot[0]), v.vmadd(seen[1], per_height, from_foot[1])]
     }
 
-    /// The line in which a plane through each receiver, of this `normal`, cuts the light's plane: two places of it, on either
-    /// side of the light; the lanes of `live` where it cuts the circle about the light.
+    /// The line in which a plane through each receiver, of this `normal`, cuts the light's plane.
     #[inline(always)]
-    pub fn horizon(&self, v: &mut V, live: V::Mask, normal: Vec3<V>) -> (V::Mask, [Vec2<V>; 2]) {
+    pub fn horizon(&self, v: &mut V, live: V::Mask, normal: Vec3<V>) -> Horizon<V> {
         // Places lie on the plane where `slope . place = offset`.
         let [unit_s, unit_t] = self.units.unwrap_or([self.s, self.t]);
         let slope = [dot(v, normal, unit_s), dot(v, normal, unit_t)];
@@ -256,7 +255,7 @@ impl<V: Vpu> View<V> {
             let less = v.vset_f32(1.0 / Outline::Square.reach2());
             offset2 = v.vmul(offset2, less);
         }
-        let live = v.vcmp_lt_masked(live, offset2, slope2);
+        let cuts = v.vcmp_lt_masked(live, offset2, slope2);
         let inverse = v.vrsqrt(slope2);
         let distance = v.vmul(offset, inverse);
         let across = [v.vmul(slope[0], inverse), v.vmul(slope[1], inverse)];
@@ -265,7 +264,7 @@ impl<V: Vpu> View<V> {
         let two = v.vset_f32(2.0);
         let from = [v.vmadd(across[1], two, foot[0]), v.vnmadd(across[0], two, foot[1])];
         let to = [v.vnmadd(across[1], two, foot[0]), v.vmadd(across[0], two, foot[1])];
-        (live, [from, to])
+        Horizon { cuts, places: [from, to], offset }
     }
 
     /// The place where the line from the receiver through `seen` meets the light's plane: the exact normalisation of each
@@ -279,6 +278,17 @@ impl<V: Vpu> View<V> {
             Some(foot) => [v.vmadd(seen[0], k, foot[0]), v.vmadd(seen[1], k, foot[1])],
         }
     }
+}
+
+/// The line in which a plane through each receiver cuts the light's plane.
+pub struct Horizon<V: Vpu> {
+    /// Lanes where the line cuts the circle about the light.
+    pub cuts: V::Mask,
+    /// Two places of the line, on either side of the light.
+    pub places: [Vec2<V>; 2],
+    /// Distance of the receiver's plane from the middle of the light, times something positive: the middle is left of the line
+    /// where this is above 0. The places cannot tell, where the line goes through the middle within what they are rounded by.
+    pub offset: V::F32,
 }
 
 /// The vector `x`, its opposite in the lanes `around`.

@@ -165,11 +165,13 @@ fn a_floor_that_holds_the_middle_of_the_light_does_not_shadow_itself() {
             (DVec3::new(x, 0.0, z), u32::from(x > z))
         })
         .collect();
-    for height in [1e-6, 0.0, -1e-6] {
+    for height in [1e-6, 1e-8, 1e-9, 1e-10, 0.0, -1e-9, -1e-6] {
         let light = Light::Sphere { center: DVec3::new(3.2, height, 0.0), radius: 0.25 };
-        let visible = Run::new(&input(floor.clone(), light, &receivers), on()).visibility();
-        let least = visible.iter().copied().fold(1.0, f32::min);
-        println!("{height}: {least}");
-        assert!(least > 0.999, "{height}: {least}");
+        let input = input(floor.clone(), light, &receivers);
+        for overlap in Overlap::ALL {
+            let visible = Run::with(&input, overlap, on()).visibility();
+            let least = visible.iter().copied().fold(1.0, f32::min);
+            assert!(least > 0.999, "{height}, {overlap:?}: {least}");
+        }
     }
 }

@@ -127,8 +127,8 @@ impl FramesReport {
         }
         Some(Plot::Lines(Lines {
             title: format!("{} on {}", self.scene, self.machine),
-            x: Axis { label: "frame".to_owned(), log: false },
-            y: Axis { label: "ms".to_owned(), log: false },
+            x: Axis::new("frame", false),
+            y: Axis::new("ms", false),
             series: all,
         }))
     }

@@ -20,6 +20,8 @@ pub enum Cell {
     Text(String),
     /// The cell holds a number; tables for people show four digits of it, CSV all.
     Number(f64),
+    /// The cell holds a number that somebody chose: it is shown as it was chosen, without zeros at its end.
+    Chosen(f64),
     /// The cell is empty: nothing was measured.
     Missing,
 }
@@ -40,6 +42,7 @@ impl Cell {
         match self {
             Cell::Text(text) => text.clone(),
             Cell::Number(number) => short(*number),
+            Cell::Chosen(number) => round(*number),
             Cell::Missing => "-".to_owned(),
         }
     }
@@ -47,7 +50,7 @@ impl Cell {
     fn exact(&self) -> String {
         match self {
             Cell::Text(text) => text.clone(),
-            Cell::Number(number) => number.to_string(),
+            Cell::Number(number) | Cell::Chosen(number) => number.to_string(),
             Cell::Missing => String::new(),
         }
     }
@@ -83,6 +86,13 @@ pub fn short(number: f64) -> String {
     }
     let decimals = (0..=7).find(|d| magnitude * 10_f64.powi(*d) >= 999.95).unwrap_or(7);
     format!("{number:.*}", decimals as usize)
+}
+
+/// A number that somebody chose, with all of its digits; with an exponent where it is far from 1 and that is shorter.
+pub fn round(number: f64) -> String {
+    let (plain, power) = ((number + 0.0).to_string(), format!("{number:e}"));
+    let far = number != 0.0 && !(1e-3..1e5).contains(&number.abs());
+    if far && power.len() < plain.len() { power } else { plain }
 }
 
 impl Sheet {
@@ -186,6 +196,14 @@ mod tests {
         let shown: Vec<String> =
             [0.0, -0.0, 24.0, 262_144.0, 13.24567, 0.012345, 1234.56, 1.0e-9, 99.999].map(short).to_vec();
         assert_eq!(shown, ["0", "0", "24", "262144", "13.25", "0.01235", "1235", "1.000e-9", "100.0"]);
+    }
+
+    #[test]
+    fn chosen_numbers_have_all_digits_and_no_rows_of_zeros() {
+        let shown: Vec<String> =
+            [0.0, -0.0, 24.0, 1e5, 200_002.0, 1e39, 0.5, 1.000_001, 1e-3, 1e-4, -1.5e-36].map(round).to_vec();
+        let right = ["0", "0", "24", "1e5", "200002", "1e39", "0.5", "1.000001", "0.001", "1e-4", "-1.5e-36"];
+        assert_eq!(shown, right);
     }
 
     #[test]

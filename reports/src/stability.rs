@@ -5,11 +5,11 @@ use serde::{Deserialize, Serialize};
 
 use crate::analysis::Finding;
 use crate::plot::{Axis, Lines, Look, Plot, Series};
-use crate::sheet::{Cell, Sheet, short};
+use crate::sheet::{Cell, Sheet, round, short};
 use crate::table::counted;
 
 /// Version of the layout of [`StabilityReport`].
-pub const STABILITY_SCHEMA_VERSION: u32 = 1;
+pub const STABILITY_SCHEMA_VERSION: u32 = 2;
 
 /// Share of the receivers that may be off beside brute force: more, and the arithmetic breaks.
 pub const OFF_SHARE_MAX: f64 = 1e-3;
@@ -19,6 +19,45 @@ pub const RAYS_MEAN_MAX: f64 = 0.03;
 
 /// Least error of a plot: smaller ones, and none, are drawn here.
 const LEAST_DRAWN: f64 = 1e-9;
+
+/// What the columns of a family's table hold, for somebody who has not read the papers.
+pub const COLUMNS: [(&str, &str); 15] = [
+    (
+        "verdict",
+        "holds, or what breaks, as said above; no shadow: nothing that is seen lies in shadow; refused: the program draws nothing \
+         and says why; failed: it ended by a defect of its own",
+    ),
+    ("triangles", "triangles of the scene"),
+    ("receivers", "pixels that see a surface"),
+    ("no part of the light", "receivers whose value is no number, or not from 0 to 1"),
+    ("brute force: compared", "receivers that brute force computed too: all, or every n-th of many"),
+    ("brute force: max", "the largest difference to brute force, in parts of the light"),
+    ("brute force: mean", "the mean difference to brute force"),
+    (
+        "brute force: off by > 0.001, %",
+        "the share of these receivers that are further than 0.001 off brute force",
+    ),
+    (
+        "rounded scene: max",
+        "the largest difference to brute force of the scene after its numbers were rounded to 32 bits: what is left is the \
+         rounding of the drawing itself",
+    ),
+    ("rays: compared", "receivers that shadow rays were cast from: all, or every n-th of many"),
+    (
+        "rays: mean",
+        "the sum of the differences to the rays, divided by the number of receivers that the rays find in shadow or penumbra",
+    ),
+    ("rays: max", "the largest difference to the rays"),
+    (
+        "rays: off by > 0.25, %",
+        "the share of the receivers that either picture has in shadow or penumbra that are off by a quarter of the light",
+    ),
+    (
+        "rays' own error",
+        "how far the rays themselves may be off, measured as the mean is: by how much two halves of them differ",
+    ),
+    ("sums: mean", "as `rays: mean`, for the picture that adds up hidden parts, whether they overlap or not"),
+];
 
 /// Everything that came out of the study: `stability.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -30,8 +69,10 @@ pub struct StabilityReport {
     pub lrbsim_version: String,
     /// Version of what the simulator's numbers mean.
     pub semantics: u32,
-    /// Algorithm that drew the pictures, with all of its options.
+    /// Algorithm that drew the pictures that stand beside shadow rays, with all of its options.
     pub algorithm: String,
+    /// Algorithm that drew the pictures that stand beside brute force, which sums hidden parts as this does.
+    pub sums: String,
     /// Shadow rays of a receiver.
     pub samples: u32,
     /// The families of points, in each of which one thing is varied.
@@ -88,12 +129,16 @@ pub struct Measured {
     pub receivers: u64,
     /// Receivers whose visibility is no number or not in [0, 1].
     pub no_part: u64,
-    /// Differences to the same method by brute force in 64 bits, of the scene as it was given.
+    /// Differences of the sums to the same method by brute force in 64 bits, of the scene as it was given.
     pub brute_force: Off,
-    /// Differences to the same method by brute force in 64 bits, of the 32-bit numbers that kernels get.
+    /// Differences of the sums to the same method by brute force in 64 bits, of the 32-bit numbers that kernels get.
     pub rounded: Off,
     /// Differences to shadow rays.
     pub rays: OffRays,
+    /// Differences of the sums to shadow rays.
+    pub rays_of_sums: OffRays,
+    /// The picture as PNG in base 64 (RFC 4648, §4); `None` where it is too large to be looked at.
+    pub picture: Option<String>,
     /// What the program warned of.
     pub warnings: Vec<String>,
 }
@@ -142,9 +187,13 @@ impl Off {
 }
 
 impl OffRays {
-    /// Whether the method is off by more than [`RAYS_MEAN_MAX`], past what the rays themselves may be off by.
+    /// Mean error from which on the method breaks: [`RAYS_MEAN_MAX`], past what the rays themselves may be off by.
+    fn mean_max(&self) -> f64 {
+        RAYS_MEAN_MAX + 2.0 * self.reference_mean
+    }
+
     fn breaks(&self) -> bool {
-        self.mean > RAYS_MEAN_MAX + 2.0 * self.reference_mean
+        self.mean > self.mean_max()
     }
 }
 
@@ -169,25 +218,28 @@ impl StabilityPoint {
         self.measured().is_some_and(|measured| measured.rays.breaks())
     }
 
-    /// What the program said of the point.
-    fn said(&self) -> String {
-        match &self.outcome {
-            Outcome::Measured(measured) => {
-                let warnings = measured.warnings.iter().map(|warning| format!("warns: {warning}"));
-                warnings.collect::<Vec<_>>().join("; ")
-            }
-            Outcome::Refused(why) => format!("refuses: {why}"),
-            Outcome::Failed(why) => format!("fails: {why}"),
-        }
+    fn warning(&self) -> Option<&str> {
+        self.measured()?.warnings.first().map(String::as_str)
     }
 
-    fn verdict(&self) -> &'static str {
+    fn refusal(&self) -> Option<&str> {
+        if let Outcome::Refused(why) = &self.outcome { Some(why) } else { None }
+    }
+
+    fn failure(&self) -> Option<&str> {
+        if let Outcome::Failed(why) = &self.outcome { Some(why) } else { None }
+    }
+
+    /// What became of the point, in a word or two.
+    pub fn verdict(&self) -> &'static str {
+        let is_lit = self.measured().is_some_and(|measured| measured.rays.shadowed == 0);
         match (&self.outcome, self.arithmetic_breaks(), self.method_breaks()) {
             (Outcome::Refused(_), ..) => "refused",
             (Outcome::Failed(_), ..) => "failed",
             (_, true, true) => "both break",
             (_, true, false) => "arithmetic breaks",
             (_, false, true) => "method breaks",
+            (_, false, false) if is_lit => "no shadow",
             (_, false, false) => "holds",
         }
     }
@@ -198,7 +250,7 @@ impl StabilityFamily {
     fn breaking(&self, breaks: impl Fn(&StabilityPoint) -> bool) -> Option<String> {
         const SHOWN: usize = 6;
         let at: Vec<String> =
-            self.points.iter().filter(|point| breaks(point)).map(|point| label(point.x)).collect();
+            self.points.iter().filter(|point| breaks(point)).map(|point| round(point.x)).collect();
         match at.len() {
             0 => None,
             all if all == self.points.len() && all > 1 => Some("every point".to_owned()),
@@ -207,109 +259,94 @@ impl StabilityFamily {
         }
     }
 
-    /// The greatest of a number over the points that have a picture, and where that is.
-    fn worst(&self, number: impl Fn(&Measured) -> f64) -> Option<(f64, f64)> {
-        let numbers = self.points.iter().filter_map(|point| Some((number(point.measured()?), point.x)));
-        numbers.reduce(|worst, next| if next.0 > worst.0 { next } else { worst })
+    /// The greatest of a number over the points that have a picture, and where that is, as people read it.
+    fn worst(&self, number: impl Fn(&Measured) -> f64) -> Option<(f64, String)> {
+        let numbers = || self.points.iter().filter_map(|point| Some((number(point.measured()?), point.x)));
+        let (greatest, at) = numbers().reduce(|worst, next| if next.0 > worst.0 { next } else { worst })?;
+        let everywhere = numbers().count() > 1 && numbers().all(|(number, _)| number == greatest);
+        Some((greatest, if everywhere { "at every point".to_owned() } else { format!("at {}", round(at)) }))
     }
 
     /// What is seen in the family: sentences.
     pub fn seen(&self) -> Vec<String> {
-        let mut seen = Vec::new();
         let drawn: Vec<&Measured> = self.points.iter().filter_map(StabilityPoint::measured).collect();
+        let mut seen = Vec::new();
         if let Some((max, at)) = self.worst(|measured| measured.brute_force.max) {
             let receivers: u64 = drawn.iter().map(|measured| measured.brute_force.receivers).sum();
             let off: u64 = drawn.iter().map(|measured| measured.brute_force.off).sum();
+            let most = format!("{} of the light ({at})", short(max));
             seen.push(match self.breaking(StabilityPoint::arithmetic_breaks) {
-                None if off == 0 => format!(
-                    "The arithmetic holds everywhere: no receiver is off brute force by more than {} of the light (at {}).",
-                    short(max),
-                    label(at)
-                ),
+                None if off == 0 => {
+                    format!("The arithmetic holds everywhere: no receiver that was compared is off brute force by more than {most}.")
+                }
                 None => format!(
-                    "The arithmetic holds: {off} of {} are off brute force by more than 0.001 of the light, which \
+                    "The arithmetic holds: {off} of {} are off brute force by more than 0.001, at most by {most}, which \
                      rounding at an edge explains.",
                     counted(receivers, "receiver")
                 ),
-                Some(at) => format!("The arithmetic breaks at {at}: receivers are off brute force by up to {}.", short(max)),
+                Some(at) => format!("The arithmetic breaks at {at}: receivers are off brute force by up to {most}."),
             });
         }
-        if let Some((mean, at)) = self.worst(|measured| measured.rays.mean) {
-            let least = drawn.iter().map(|measured| measured.rays.mean).fold(f64::INFINITY, f64::min);
+        let of_rays = |number: &dyn Fn(&OffRays) -> f64| self.worst(|measured| number(&measured.rays));
+        if let (Some((mean, at)), Some((max, max_at))) =
+            (of_rays(&|rays| rays.mean), of_rays(&|rays| rays.max))
+        {
+            let is_outlier = max > 0.5;
+            let (mean, max) = (format!("{} ({at})", short(mean)), format!("{} ({max_at})", short(max)));
             seen.push(match self.breaking(StabilityPoint::method_breaks) {
+                None if is_outlier => format!(
+                    "The method holds: beside shadow rays, its mean error is at most {mean}; but a receiver is off by {max}."
+                ),
                 None => format!(
-                    "Beside shadow rays, the mean error is from {} to {} (at {}).",
-                    short(least),
-                    short(mean),
-                    label(at)
+                    "The method holds: beside shadow rays, its mean error is at most {mean}, and no receiver that was compared is \
+                     off by more than {max}."
                 ),
                 Some(broken) => format!(
-                    "The method itself breaks at {broken}: beside shadow rays, its mean error is up to {} (at {}).",
-                    short(mean),
-                    label(at)
+                    "The method breaks at {broken}: beside shadow rays, its mean error reaches {mean}, and a receiver is off by {max}."
                 ),
             });
         }
-        let warned =
-            |point: &StabilityPoint| point.measured().is_some_and(|measured| !measured.warnings.is_empty());
-        if let Some(at) = self.breaking(warned) {
-            seen.push(format!("The program warns at {at}."));
-        }
-        let silent = |point: &StabilityPoint| point.method_breaks() && !warned(point);
-        if let Some(at) = self.breaking(silent) {
+        if let Some(at) = self.breaking(|point| point.method_breaks() && point.warning().is_none()) {
             seen.push(format!("It breaks without a warning at {at}."));
         }
-        if let Some(at) = self.breaking(|point| matches!(point.outcome, Outcome::Refused(_))) {
-            seen.push(format!("The program refuses {at}."));
-        }
-        if let Some(at) = self.breaking(|point| matches!(point.outcome, Outcome::Failed(_))) {
-            seen.push(format!("The program fails at {at}: a defect."));
-        }
+        seen.extend(self.said("warns at", StabilityPoint::warning));
+        seen.extend(self.said("refuses", StabilityPoint::refusal));
+        seen.extend(self.said("fails, by a defect of its own, at", StabilityPoint::failure));
         seen
     }
 
+    /// What the program `does` to the points of which it said something, and what it said of the first of them: a sentence.
+    fn said(&self, does: &str, what: fn(&StabilityPoint) -> Option<&str>) -> Option<String> {
+        let at = self.breaking(|point| what(point).is_some())?;
+        let (x, first) = self.points.iter().find_map(|point| Some((point.x, what(point)?)))?;
+        let of = if at == round(x) { String::new() } else { format!(" at {}", round(x)) };
+        Some(format!("The program {does} {at}; its words{of}: \u{201c}{first}\u{201d}."))
+    }
+
     fn sheet(&self) -> Sheet {
-        let columns = [
-            self.axis.as_str(),
-            "triangles",
-            "receivers",
-            "not in [0, 1]",
-            "brute force: max",
-            "brute force: mean",
-            "off by > 0.001, %",
-            "32-bit input: max",
-            "rays: mean",
-            "rays: max",
-            "off by > 0.25, %",
-            "rays' own error",
-            "verdict",
-            "the program says",
-        ];
+        let columns = [self.axis.as_str()].into_iter().chain(COLUMNS.map(|(name, _)| name));
         let row = |point: &StabilityPoint| {
-            let measured = point.measured();
-            let cell = |number: &dyn Fn(&Measured) -> f64| Cell::maybe(measured.map(number));
-            let said = match point.said() {
-                said if said.is_empty() => Cell::Missing,
-                said => Cell::Text(said),
-            };
+            let number = |number: &dyn Fn(&Measured) -> f64| Cell::maybe(point.measured().map(number));
             vec![
-                Cell::Number(point.x),
-                cell(&|m| m.triangles as f64),
-                cell(&|m| m.receivers as f64),
-                cell(&|m| m.no_part as f64),
-                cell(&|m| m.brute_force.max),
-                cell(&|m| m.brute_force.mean),
-                cell(&|m| 100.0 * m.brute_force.share()),
-                cell(&|m| m.rounded.max),
-                cell(&|m| m.rays.mean),
-                cell(&|m| m.rays.max),
-                cell(&|m| 100.0 * m.rays.off_by_quarter),
-                cell(&|m| m.rays.reference_mean),
+                Cell::Chosen(point.x),
                 Cell::Text(point.verdict().to_owned()),
-                said,
+                number(&|m| m.triangles as f64),
+                number(&|m| m.receivers as f64),
+                number(&|m| m.no_part as f64),
+                number(&|m| m.brute_force.receivers as f64),
+                number(&|m| m.brute_force.max),
+                number(&|m| m.brute_force.mean),
+                number(&|m| 100.0 * m.brute_force.share()),
+                number(&|m| m.rounded.max),
+                number(&|m| m.rays.receivers as f64),
+                number(&|m| m.rays.mean),
+                number(&|m| m.rays.max),
+                number(&|m| 100.0 * m.rays.off_by_quarter),
+                number(&|m| m.rays.reference_mean),
+                number(&|m| m.rays_of_sums.mean),
             ]
         };
-        Sheet { columns: columns.map(str::to_owned).to_vec(), rows: self.points.iter().map(row).collect() }
+        Sheet { columns: columns.map(str::to_owned).collect(), rows: self.points.iter().map(row).collect() }
     }
 
     /// Error against the extreme, both logarithmic; a value of 0 is drawn a decade below the least other.
@@ -325,29 +362,28 @@ impl StabilityFamily {
             points.sort_by(|a, b| a.0.total_cmp(&b.0));
             Series { name: name.to_owned(), look, points }
         };
-        let axis = |label: &str| Axis { label: label.to_owned(), log: true };
-        Some(Plot::Lines(Lines {
-            title: format!("{}: error", self.title),
-            x: axis(&self.axis),
-            y: axis("parts of the light"),
-            series: vec![
-                series("brute force, max", Look::Line, &|m| m.brute_force.max),
-                series("brute force, mean", Look::Line, &|m| m.brute_force.mean),
-                series("rays, mean", Look::Line, &|m| m.rays.mean),
-                series("error of the rays", Look::Dashed, &|m| m.rays.reference_mean),
-            ],
-        }))
+        let series = vec![
+            series("brute force: max", Look::Line, &|m| m.brute_force.max),
+            series("rays: mean", Look::Line, &|m| m.rays.mean),
+            series("sums: mean", Look::Line, &|m| m.rays_of_sums.mean),
+            series("rays' own error", Look::Dashed, &|m| m.rays.reference_mean),
+            series("limit of `rays: mean`", Look::Dashed, &|m| m.rays.mean_max()),
+        ];
+        let (mut x, mut y) = (Axis::new(&self.axis, true), Axis::new("parts of the light", true));
+        if self.points.iter().any(|point| point.x == 0.0 && point.measured().is_some()) {
+            x.named.push((zero, "0".to_owned()));
+        }
+        if series.iter().flat_map(|series| &series.points).any(|point| point.1 == LEAST_DRAWN) {
+            y.named.push((LEAST_DRAWN, format!("\u{2264} {}", round(LEAST_DRAWN))));
+        }
+        Some(Plot::Lines(Lines { title: format!("{}: error", self.title), x, y, series }))
     }
 
     fn finding(&self) -> Finding {
-        let mut notes = self.seen();
-        if self.points.iter().any(|point| point.x == 0.0) {
-            notes.push("In the plot, 0 stands at the left end.".to_owned());
-        }
         Finding {
             name: self.id.clone(),
             title: self.title.clone(),
-            notes,
+            notes: self.seen(),
             sheet: self.sheet(),
             plot: self.plot(),
         }
@@ -365,22 +401,38 @@ impl StabilityReport {
         vec![
             "A picture of soft shadows says for every pixel what part of the lamp is seen from there: 1 in the light, 0 in \
              full shadow, in between in the penumbra. This page shows how far the pictures of lrbsim can be trusted where \
-             scenes get extreme: in each family of scenes below, one thing goes from the plain to the absurd."
+             scenes get extreme: in each family of scenes below, one thing goes from the plain to the absurd. Under each \
+             picture stand its value and what became of it."
+                .to_owned(),
+            "Unless a family says otherwise, the scene is a level floor of 4 by 4 with a block on it and a slanted sheet over it, and \
+             the lamp is a ball of radius 0.25 above. A size of the scene is the side of the floor. Pictures are shaded: full \
+             shadow is dark gray, and where nothing is seen is blue-gray."
+                .to_owned(),
+            "The method is soft irregular shadow mapping (Johnson et al. 2009), drawn in 32-bit numbers. From the middle of the lamp \
+             it finds the outlines of all things, and for each pixel which part of the lamp lies behind each outline. So it can \
+             be wrong where other parts of the lamp see other outlines than the middle does: where the lamp is large beside its \
+             distance to what hides it."
                 .to_owned(),
             format!(
-                "Every picture is compared twice. Brute force computes what {} computes, with every edge for every pixel and \
-                 in 64-bit numbers: differences to it are rounding, or faults of the program. Shadow rays, {} from each \
-                 pixel, find what is really seen of the lamp: differences to them are what the method leaves out, such as \
-                 shadows that overlap. All errors are in parts of the light.",
-                self.algorithm, self.samples
+                "Every scene is drawn twice. Once hidden parts of the lamp are added up even where they overlap ({}), and the picture is \
+                 compared with brute force, which adds up the same with every edge for every pixel and in 64-bit numbers: \
+                 differences are rounding, or faults of the program. Once, as users get it by default ({}: outlines as each pixel sees \
+                 them, 64 points of the lamp each hidden or not, the lamp in one piece), it is compared with {} shadow rays \
+                 from each pixel, which find what is really seen of the lamp: differences are what the method leaves out, and that \
+                 64 points are few. Where nothing overlaps, sums are the better of the two. All errors are in parts of the light. \
+                 The pictures below are of the second kind, which this page does not compare with brute force.",
+                self.sums, self.algorithm, self.samples
             ),
             format!(
                 "The arithmetic is said to break where more than {} % of the receivers (pixels that see a surface) are off \
                  brute force by more than 0.001, or where any value is no number or not from 0 to 1. The method is said to \
-                 break where its mean error beside the rays, over receivers in shadow or penumbra, is more than {} past \
-                 twice the rays' own error. Where there are many receivers, every so-manyth is compared.",
-                label(100.0 * OFF_SHARE_MAX),
-                label(RAYS_MEAN_MAX)
+                 break where its mean error beside the rays, over receivers in shadow or penumbra, is more than {limit} + 2 x \
+                 the rays' own error: {} where that is 0.002. Plots are logarithmic on both axes; 0 stands at the left \
+                 end, and errors below {} at the bottom.",
+                round(100.0 * OFF_SHARE_MAX),
+                round(RAYS_MEAN_MAX + 2.0 * 0.002),
+                round(LEAST_DRAWN),
+                limit = round(RAYS_MEAN_MAX),
             ),
         ]
     }
@@ -389,9 +441,6 @@ impl StabilityReport {
     pub fn findings(&self) -> Vec<Finding> {
         let columns = [
             "family",
-            "points",
-            "from",
-            "to",
             "brute force: max",
             "rays: mean",
             "arithmetic breaks at",
@@ -400,21 +449,17 @@ impl StabilityReport {
             "refused at",
         ];
         let row = |family: &StabilityFamily| {
-            let xs = || family.points.iter().map(|point| point.x);
             let at = |breaks: &dyn Fn(&StabilityPoint) -> bool| {
                 Cell::Text(family.breaking(breaks).unwrap_or_else(|| "nowhere".to_owned()))
             };
             vec![
                 Cell::Text(family.title.clone()),
-                Cell::Number(family.points.len() as f64),
-                Cell::maybe(xs().reduce(f64::min)),
-                Cell::maybe(xs().reduce(f64::max)),
                 Cell::maybe(family.worst(|m| m.brute_force.max).map(|worst| worst.0)),
                 Cell::maybe(family.worst(|m| m.rays.mean).map(|worst| worst.0)),
                 at(&StabilityPoint::arithmetic_breaks),
                 at(&StabilityPoint::method_breaks),
-                at(&|point| point.measured().is_some_and(|m| !m.warnings.is_empty())),
-                at(&|point| matches!(point.outcome, Outcome::Refused(_))),
+                at(&|point| point.warning().is_some()),
+                at(&|point| point.refusal().is_some()),
             ]
         };
         let sheet = Sheet {
@@ -424,7 +469,9 @@ impl StabilityReport {
         let whole = Finding {
             name: "breaks".to_owned(),
             title: "Where it breaks".to_owned(),
-            notes: Vec::new(),
+            notes: vec![
+                "The numbers are the worst of each family; values are of what is varied in it.".to_owned(),
+            ],
             sheet,
             plot: None,
         };
@@ -436,6 +483,10 @@ impl StabilityReport {
         let mut text = String::from("# stability\n");
         for paragraph in self.introduction() {
             text.push_str(&format!("\n{paragraph}\n"));
+        }
+        text.push('\n');
+        for (name, meaning) in COLUMNS {
+            text.push_str(&format!("* {name}: {meaning}\n"));
         }
         let about = std::iter::once(String::new())
             .chain(self.families.iter().map(|family| format!("{} {}\n\n", family.varied, family.meaning)));
@@ -454,11 +505,6 @@ impl StabilityReport {
         let failed = points().filter(|point| matches!(point.outcome, Outcome::Failed(_))).count();
         (points().count(), failed)
     }
-}
-
-/// A value of what is varied, as people read it: no row of zeros.
-fn label(x: f64) -> String {
-    if x != 0.0 && !(1e-3..1e5).contains(&x.abs()) { format!("{x:e}") } else { x.to_string() }
 }
 
 #[cfg(test)]
@@ -482,6 +528,8 @@ mod tests {
             brute_force,
             rounded: brute_force,
             rays,
+            rays_of_sums: rays,
+            picture: None,
             warnings: Vec::new(),
         };
         StabilityPoint { x, outcome: Outcome::Measured(Box::new(measured)) }
@@ -501,6 +549,7 @@ mod tests {
             lrbsim_version: String::new(),
             semantics: 1,
             algorithm: "sism".to_owned(),
+            sums: "sism:overlap=sum".to_owned(),
             samples: 256,
             families: vec![family],
         }
@@ -520,11 +569,19 @@ mod tests {
         assert_eq!(verdicts, ["holds", "holds", "arithmetic breaks", "method breaks", "refused"]);
         let seen = report.families[0].seen().join(" ");
         assert!(
-            seen.contains("arithmetic breaks at 1e6:") && seen.contains("method itself breaks at 1e7:"),
+            seen.contains("arithmetic breaks at 1e6:") && seen.contains("method breaks at 1e7:"),
             "{seen}"
         );
-        assert!(seen.contains("refuses 1e9") && seen.contains("without a warning at 1e7"), "{seen}");
+        assert!(seen.contains("refuses 1e9; its words: \u{201c}too large\u{201d}"), "{seen}");
+        assert!(seen.contains("without a warning at 1e7"), "{seen}");
         assert_eq!(report.count(), (5, 0));
+    }
+
+    #[test]
+    fn every_column_is_explained_and_every_row_has_a_cell_for_it() {
+        let sheet = report(vec![point(1.0, 0, 0.0)]).families[0].sheet();
+        assert_eq!(sheet.columns.len(), sheet.rows[0].len());
+        assert!(sheet.columns[1..].iter().zip(COLUMNS).all(|(column, (name, _))| column == name));
     }
 
     #[test]
@@ -532,8 +589,10 @@ mod tests {
         let report = report(vec![point(0.0, 0, 0.0), point(1.0, 0, 0.0)]);
         let read: StabilityReport = serde_json::from_str(&report.to_json()).expect("own JSON");
         assert_eq!(read, report);
-        let plot = report.findings()[1].plot.clone().expect("a plot");
-        assert!(!plot.svg_without_font().contains("NaN"));
+        let plot = report.findings()[1].plot.clone().expect("a plot").svg_without_font();
+        assert!(!plot.contains("NaN"));
+        // 0 has its name at a place that a logarithm has for it, on both axes.
+        assert!(plot.contains("\n0\n") && plot.contains("\u{2264} 1e-9"), "{plot}");
         assert!(report.markdown().contains("All is larger. Nothing may change."));
     }
 }

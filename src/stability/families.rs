@@ -131,7 +131,7 @@ pub const FAMILIES: &[Family] = &[
         axis: "offset, sizes of the scene",
         varied: "The whole scene is moved away from the origin of its coordinates, in 64-bit numbers.",
         meaning: "Cities in map coordinates lie millions of their own sizes from 0, and numbers have only so many digits to \
-                  tell neighbors apart.",
+                  tell neighbors apart: at 1e12 even 64-bit ones know places of the scene to a two-thousandth only.",
         points: &[0.0, 1.0, 10.0, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e12],
         make: |x| plain_setup().placed(1.0, |p| p + DVec3::new(1.0, 0.37, -0.61) * (x * SIZE)),
     },
@@ -139,8 +139,10 @@ pub const FAMILIES: &[Family] = &[
         id: "radius",
         title: "Radius of the lamp",
         axis: "radius, sizes of the scene",
-        varied: "The lamp grows from a point to a million times the scene; its middle stays.",
-        meaning: "A point casts hard shadows and an endless lamp next to none; from about 0.5 on this lamp is cut by the floor.",
+        varied: "The lamp grows from a point to a billion sizes of the scene and further; its middle stays.",
+        meaning: "A point casts hard shadows and an endless lamp next to none. From about 0.5 on, the floor cuts this lamp; the \
+                  larger it is, the more of it is seen along the horizon: from some ten thousand sizes on nearly all of it, within \
+                  what 32-bit numbers tell apart, so that rounding decides what hides it.",
         points: &[0.0, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 0.3, 1.0, 10.0, 1e2, 1e3, 1e4, 1e5, 1e6, 1e9, 1e10],
         make: |x| Setup::new(plain(), LAMP, x * SIZE),
     },
@@ -149,7 +151,8 @@ pub const FAMILIES: &[Family] = &[
         title: "Lamp over a face",
         axis: "distance of the lamp's middle, radii",
         varied: "The lamp sinks into a level sheet: at 1 it touches it, below 1 it is cut by it, at 0 its middle lies exactly on it.",
-        meaning: "The method sees all shadows from the lamp's middle; of a lamp that is cut, a part is on the other side.",
+        meaning: "The method sees all shadows from the lamp's middle; of a lamp that is cut, a part is on the other side, which has to \
+                  be known.",
         points: &[8.0, 4.0, 2.0, 1.01, 1.0, 0.5, 0.1, 1e-2, 1e-4, 1e-6, 1e-9, 0.0],
         make: |x| {
             let sheet = DVec3::new(0.2, 1.3, 0.0);
@@ -176,7 +179,8 @@ pub const FAMILIES: &[Family] = &[
         title: "Lamp at a corner",
         axis: "distance of the lamp's middle, radii",
         varied: "The lamp comes to the corner of a closed block, until its middle lies exactly on the corner.",
-        meaning: "Three faces and three edges meet in the lamp.",
+        meaning: "Three faces and three edges meet in the lamp. At 1.01 none of them cuts it yet, but parts of the lamp see other \
+                  outlines of the block than its middle does.",
         points: &[8.0, 4.0, 2.0, 1.01, 1.0, 0.5, 0.1, 1e-2, 1e-4, 1e-6, 1e-9, 0.0],
         make: |x| {
             let corner = DVec3::new(0.2, 1.3, 0.1);
@@ -190,7 +194,7 @@ pub const FAMILIES: &[Family] = &[
         title: "Lamp inside of a body",
         axis: "depth of the lamp's middle, radii",
         varied: "The middle of the lamp goes down into a closed block: below 1 a part of the lamp still looks out.",
-        meaning: "What a closed body holds lights nothing outside of it.",
+        meaning: "What a closed body holds lights nothing outside of it: where the whole lamp is inside, all is dark.",
         points: &[0.0, 1e-9, 1e-6, 1e-4, 1e-2, 0.1, 0.5, 1.0, 1.01, 1.5, 2.0],
         make: |x| {
             let parts = floor().block("block", DVec3::new(-0.5, 0.5, -0.5), DVec3::new(0.5, 1.5, 0.5));
@@ -243,7 +247,7 @@ pub const FAMILIES: &[Family] = &[
         title: "Silhouettes inside the lamp",
         axis: "distance of the tip, radii",
         varied: "The tip of an upright triangle comes to the middle of the lamp from below; below 1 it is in the lamp.",
-        meaning: "An edge that ends inside of the lamp has no right answer in a method that sees from the middle.",
+        meaning: "Two edges of the triangle then end inside of the lamp, with some of the lamp on every side of them.",
         points: &[4.0, 2.0, 1.1, 1.0, 0.9, 0.5, 0.1, 1e-2, 1e-4, 1e-6, 0.0],
         make: |x| {
             let lamp = DVec3::new(0.1, 2.0, 0.03);
@@ -325,7 +329,7 @@ pub const FAMILIES: &[Family] = &[
     Family {
         id: "triangles",
         title: "Number of triangles",
-        axis: "triangles",
+        axis: "triangles, about",
         varied: "One triangle alone, then a wavy sheet over a floor, of ever more triangles.",
         meaning: "One triangle has nothing to shade; of two millions each is smaller than what a pixel sees.",
         points: &[1.0, 20.0, 202.0, 2050.0, 20_002.0, 200_002.0, 2_000_002.0],

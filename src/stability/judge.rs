@@ -2,6 +2,8 @@
 
 use lrbsim_isa::{Arena, Runner, Step, run_functional};
 use lrbsim_kernels::method::Shadows;
+use lrbsim_reports::base64;
+use lrbsim_reports::picture::shaded_png;
 use lrbsim_reports::stability::{Measured, Off, OffRays};
 use lrbsim_workloads::glam::Vec3;
 use lrbsim_workloads::reference::{ErrorMetrics, Occluders, Truth};
@@ -9,7 +11,7 @@ use lrbsim_workloads::{Adjacency, EyeView, Scene, ShadowInput};
 
 use crate::algorithm::Algorithm;
 use crate::error::BadInput;
-use crate::frame::{HostOptions, no_memory};
+use crate::frame::{Frame, HostOptions, no_memory};
 
 /// Shadow rays of a receiver.
 pub(super) const SAMPLES: u32 = 256;
@@ -26,20 +28,30 @@ const RAY_RECEIVERS_MAX: usize = 16_384;
 /// Parts of the light from which on a receiver counts as off.
 const SLIGHT: f64 = 1e-3;
 
-/// Draws `scene` with `algorithm` and compares the picture with brute force and with shadow rays.
-pub(super) fn judge(scene: &Scene, algorithm: &Algorithm, host: HostOptions) -> Result<Measured, BadInput> {
+/// Pixels of a side up to which a picture is kept to be looked at.
+const LOOKED_AT_MAX: u32 = 128;
+
+/// Draws `scene` with `algorithm`, and compares the picture with shadow rays; and with `sums`, and compares that with brute
+/// force.
+pub(super) fn judge(
+    scene: &Scene,
+    algorithm: &Algorithm,
+    sums: &Algorithm,
+    host: HostOptions,
+) -> Result<Measured, BadInput> {
     let eye = EyeView::render(&scene.mesh, &scene.camera, scene.image.width, scene.image.height);
     let adjacency = Adjacency::new(&scene.mesh);
     let input = ShadowInput::new(scene, &adjacency, &eye);
-    let Shadows { visibility, silhouette_edges } = draw(algorithm, &input, host)?;
-    let no_part = visibility.iter().filter(|visible| !(0.0..=1.0).contains(*visible)).count();
+    let drawn = draw(algorithm, &input, host)?.visibility;
+    let Shadows { visibility: summed, silhouette_edges } = draw(sums, &input, host)?;
+    let no_part = |visibility: &[f32]| visibility.iter().filter(|part| !(0.0..=1.0).contains(*part)).count();
 
     // By brute force, of the scene in f64 and of the f32 numbers that kernels get.
-    let receivers = visibility.len();
+    let receivers = summed.len();
     let pairs = receivers * (scene.mesh.triangles.len() + silhouette_edges.unwrap_or(0) as usize);
     let step = pairs.div_ceil(PAIRS_MAX).min(receivers / RECEIVERS_MIN).max(1);
     let some = every(step, &eye);
-    let ours: Vec<f64> = every_number(step, &visibility);
+    let ours: Vec<f64> = every_number(step, &summed);
     let of_scene =
         Occluders::from_mesh(&scene.mesh, &adjacency, &scene.light).visibility_of_view(&adjacency, &some);
     let of_input = Occluders::from_input(&input);
@@ -55,9 +67,7 @@ pub(super) fn judge(scene: &Scene, algorithm: &Algorithm, host: HostOptions) -> 
 
     // By shadow rays.
     let step = receivers.div_ceil(RAY_RECEIVERS_MAX).max(1);
-    let some = every(step, &eye);
-    let seen: Vec<f64> = every_number(step, &visibility);
-    let truth = Truth::new(&scene.mesh, &scene.light, &some, SAMPLES, &|| ());
+    let truth = Truth::new(&scene.mesh, &scene.light, &every(step, &eye), SAMPLES, &|| ());
     let mut warnings: Vec<String> =
         scene.warnings(&adjacency).iter().map(|warning| warning.to_string()).collect();
     if receivers == 0 {
@@ -66,11 +76,22 @@ pub(super) fn judge(scene: &Scene, algorithm: &Algorithm, host: HostOptions) -> 
     Ok(Measured {
         triangles: scene.mesh.triangles.len() as u64,
         receivers: receivers as u64,
-        no_part: no_part as u64,
+        no_part: no_part(&drawn).max(no_part(&summed)) as u64,
         brute_force: off(&of_scene, &ours),
         rounded: off(&rounded, &ours),
-        rays: off_rays(&truth, &seen),
+        rays: off_rays(&truth, &every_number(step, &drawn)),
+        rays_of_sums: off_rays(&truth, &every_number(step, &summed)),
+        picture: picture(scene, &eye, &drawn),
         warnings,
+    })
+}
+
+/// The picture as PNG in base 64, if it is small enough to be looked at.
+fn picture(scene: &Scene, eye: &EyeView, visibility: &[f32]) -> Option<String> {
+    let (width, height) = (eye.width, eye.height);
+    (width.max(height) <= LOOKED_AT_MAX).then(|| {
+        let frame = Frame::new(scene, eye, visibility);
+        base64::encode(&shaded_png(width, height, &frame.visibility, &frame.cosine))
     })
 }
 

@@ -2,7 +2,8 @@
 //!
 //! ```text
 //! families ─► scene ─► refused: what the program says is the result
-//!               └─► default algorithm, functionally ─► judge ◄─ brute force in f64, shadow rays
+//!               ├─► sums of parts, functionally ─► judge ◄─ brute force in f64
+//!               └─► default algorithm, functionally ─► judge ◄─ shadow rays
 //! ```
 //!
 //! Other studies are a product of axes over one scene; this one is a list of small scenes that are made for it.
@@ -76,10 +77,11 @@ pub fn run_stability(
     };
     let count: usize = families.iter().map(|family| points(family).count()).sum();
     progress.counted(NAME, u32::try_from(count).unwrap_or(u32::MAX));
-    // Brute force sums parts, too: what is judged is how well they are found.
-    let algorithm: Algorithm = "sism:overlap=sum".parse().expect("it is one");
+    let algorithm = Algorithm::default();
+    // Brute force sums parts: what is judged beside it is how well they are found.
+    let sums: Algorithm = "sism:overlap=sum".parse().expect("it is one");
     let run = |family: &Family, x: f64| {
-        let point = point(family, x, &algorithm, request.host);
+        let point = point(family, x, &algorithm, &sums, request.host);
         progress.one_done();
         point
     };
@@ -101,19 +103,26 @@ pub fn run_stability(
         lrbsim_version: env!("CARGO_PKG_VERSION").to_owned(),
         semantics: SEMANTICS,
         algorithm: algorithm.to_string(),
+        sums: sums.to_string(),
         samples: judge::SAMPLES,
         families,
     })
 }
 
 /// One point: what came of it, whatever that is.
-fn point(family: &Family, x: f64, algorithm: &Algorithm, host: HostOptions) -> StabilityPoint {
+fn point(
+    family: &Family,
+    x: f64,
+    algorithm: &Algorithm,
+    sums: &Algorithm,
+    host: HostOptions,
+) -> StabilityPoint {
     let scene = match family.scene(x) {
         Ok(scene) => scene,
         Err(refusal) => return StabilityPoint { x, outcome: Outcome::Refused(refusal.to_string()) },
     };
     // A defect of the program that one point shows is that point's result; the others go on.
-    let judged = std::panic::catch_unwind(AssertUnwindSafe(|| judge::judge(&scene, algorithm, host)));
+    let judged = std::panic::catch_unwind(AssertUnwindSafe(|| judge::judge(&scene, algorithm, sums, host)));
     let outcome = match judged {
         Ok(Ok(measured)) => Outcome::Measured(Box::new(measured)),
         Ok(Err(refusal)) => Outcome::Refused(refusal.to_string()),

@@ -32,7 +32,7 @@ use crate::irregular::primitives::{BACK, EdgeRecord, FRONT, Kind, Primitives};
 use crate::irregular::raster::CellRecord;
 use crate::irregular::receivers::Receiver;
 use crate::irregular::run::{Runs, Samples, Shade, Split, Walk};
-use crate::light::View;
+use crate::light::{Horizon, View};
 use crate::plane::side;
 use crate::record::Record;
 use crate::scene::fill;
@@ -469,15 +469,14 @@ pub fn horizon<V: Vpu>(
     let none = v.vset_i32(0);
     let zero = v.vset_f32(0.0);
     let one = v.vset_i32(1);
-    let (cut, [from, to]) = own.horizon(v, view, triangles);
+    let Horizon { cuts, places, offset } = own.horizon(v, view, triangles);
     let weights = each!(layer in [FRONT, BACK] => {
         let counted = own.counted(v, triangles, layer);
         v.vblend_i32(counted, one, none)
     });
     let step = together(v, weights);
-    let middle = cross2(v, from, to);
-    let left = v.vcmp_gt(middle, zero);
-    (cut, crossing(v, [from, to], left, step))
+    let left = v.vcmp_gt(offset, zero);
+    (cuts, crossing(v, places, left, step))
 }
 
 /// How samples are compared with edges `a -> b` on the disc: those are beyond that do not lie where the middle does. `left`:

@@ -14,10 +14,10 @@ use super::soft::{fixed, view};
 use crate::expression::{each, int};
 use crate::field;
 use crate::irregular::primitives::{BACK, CUTS, FRONT, Primitives, TriangleRecord};
-use crate::light::View;
+use crate::light::{Horizon, View};
 use crate::plane::Vec3;
 use crate::record::words;
-use crate::segment::{Angle, Vec2};
+use crate::segment::Angle;
 
 /// What takes the own triangles of receivers out of their sums.
 #[derive(Clone, Copy)]
@@ -63,8 +63,8 @@ impl Own {
         let none = v.vset_i32(0);
         let zero = v.vset_f32(0.0);
         let view = view(v, &self.primitives.light, points);
-        let (live, [from, to]) = self.horizon(v, &view, own);
-        let (live, part) = view.part_beyond(v, live, from, to, Angle::Atan2);
+        let Horizon { cuts, places: [from, to], .. } = self.horizon(v, &view, own);
+        let (live, part) = view.part_beyond(v, cuts, from, to, Angle::Atan2);
         let part = fixed(v, part, zero);
         let part = v.vblend_i32(live, part, none);
         each!(layer in [FRONT, BACK] => {
@@ -83,15 +83,9 @@ impl Own {
         int!(v, flags & number)
     }
 
-    /// The horizons of receivers on the discs that they see: two points of each line, on either side of the disc; the lanes
-    /// where it cuts the disc.
+    /// The horizons of receivers on the discs that they see.
     #[inline(always)]
-    pub fn horizon<V: Vpu>(
-        &self,
-        v: &mut V,
-        view: &View<V>,
-        own: &OwnTriangles<V>,
-    ) -> (V::Mask, [Vec2<V>; 2]) {
+    pub fn horizon<V: Vpu>(&self, v: &mut V, view: &View<V>, own: &OwnTriangles<V>) -> Horizon<V> {
         let zero = v.vset_f32(0.0);
         let normal = each!(axis in [0, 1, 2] => {
             let normals = self.primitives.triangles.field(field!(TriangleRecord.normal[axis]));

@@ -35,8 +35,8 @@ pub(super) fn pareto(data: &Data, analysis: &Analysis) -> Finding {
     let behind = places.iter().zip(&front).filter(|(_, on)| !**on).map(|(point, _)| *point).collect();
     let plot = Lines {
         title: format!("{} against {}", title(&y), title(&x)),
-        x: Axis { label: title(&x), log: true },
-        y: Axis { label: title(&y), log: true },
+        x: Axis::new(title(&x), true),
+        y: Axis::new(title(&y), true),
         series: vec![
             Series { name: "front".to_owned(), look: Look::Line, points: line },
             Series { name: "beaten by others".to_owned(), look: Look::Dots, points: behind },

@@ -44,8 +44,8 @@ pub(super) fn power_law(data: &Data, analysis: &Analysis) -> Finding {
     }
     let plot = Lines {
         title: format!("{} as a power of {}", title(&y), title(&x)),
-        x: Axis { label: title(&x), log: true },
-        y: Axis { label: title(&y), log: true },
+        x: Axis::new(title(&x), true),
+        y: Axis::new(title(&y), true),
         series,
     };
     Finding {

@@ -66,8 +66,8 @@ pub(super) fn speedup(data: &Data, analysis: &Analysis) -> Finding {
     }
     let plot = Lines {
         title: format!("speedup over {}", title(&x)),
-        x: Axis { label: title(&x), log: true },
-        y: Axis { label: "times as fast as the first".to_owned(), log: true },
+        x: Axis::new(title(&x), true),
+        y: Axis::new("times as fast as the first", true),
         series,
     };
     Finding {

@@ -81,8 +81,8 @@ fn plot(data: &Data, analysis: &Analysis, y: &str) -> Option<Plot> {
     let log = spans_decades(&series);
     Some(Plot::Lines(Lines {
         title: format!("{} over {}", title(y).trim_end_matches(", ms"), title(&x)),
-        x: Axis { label: title(&x), log: log.0 },
-        y: Axis { label: title(y).rsplit(", ").next().unwrap_or_default().to_owned(), log: log.1 },
+        x: Axis::new(title(&x), log.0),
+        y: Axis::new(title(y).rsplit(", ").next().unwrap_or_default().to_owned(), log.1),
         series,
     }))
 }

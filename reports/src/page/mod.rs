@@ -15,7 +15,7 @@ use crate::host::HostReport;
 use crate::picture::{ERROR_COLORS, ERROR_SCALE_END};
 use crate::run::RunReport;
 use crate::sheet::{Cell, Sheet};
-use crate::stability::StabilityReport;
+use crate::stability::{COLUMNS, StabilityPoint, StabilityReport};
 
 const HTML: &str = include_str!("page.html");
 const CSS: &str = include_str!("page.css");
@@ -105,7 +105,10 @@ pub fn of_stability(report: &StabilityReport) -> String {
     let about: Vec<Value> = report
         .families
         .iter()
-        .map(|family| serde_json::json!({"varied": family.varied, "meaning": family.meaning, "seen": family.seen()}))
+        .map(|family| {
+            let verdicts: Vec<&str> = family.points.iter().map(StabilityPoint::verdict).collect();
+            serde_json::json!({"varied": family.varied, "meaning": family.meaning, "verdicts": verdicts})
+        })
         .collect();
     let data = serde_json::json!({
         "kind": "stability",
@@ -114,6 +117,7 @@ pub fn of_stability(report: &StabilityReport) -> String {
         "report": report,
         "findings": findings,
         "about": about,
+        "columns": COLUMNS,
     });
     page("How stable the pictures are", &data)
 }
@@ -134,6 +138,7 @@ fn sheet(sheet: &Sheet) -> Value {
     let cell = |cell: &Cell| match cell {
         Cell::Text(text) => Value::from(text.as_str()),
         Cell::Number(number) => Value::from(*number),
+        Cell::Chosen(number) => serde_json::json!({"value": number, "show": cell.shown()}),
         Cell::Missing => Value::Null,
     };
     let rows: Vec<Vec<Value>> = sheet.rows.iter().map(|row| row.iter().map(cell).collect()).collect();

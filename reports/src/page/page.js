@@ -38,7 +38,7 @@ function table(columns, rows, totals = []) {
   const isText = columns.map((_, column) => rows.some((row) => typeof value(row[column]) === "string"));
   const line = (row, total) => element("tr", { class: row.className || (total ? "total" : null) }, ...row.map((cell, column) => {
     const text = String(show(cell));
-    return element("td", { class: (isText[column] ? "text" : "") + (text.length > 48 ? " wrap" : "") }, text);
+    return element("td", { class: (isText[column] ? "text" : "") + (text.length > 24 ? " wrap" : "") }, text);
   }));
   const body = element("tbody", {});
   const fillBody = (ordered) => body.replaceChildren(...ordered.map((row) => line(row)), ...totals.map((row) => line(row, true)));
@@ -339,16 +339,25 @@ function studySections(study) {
   return [element("p", {}, study.study.question), ...data.findings.map(findingSection), ...failed, good.length ? section("One point", pick, holder, data.left_out ? note(`The reports of ${data.left_out} more points are in study.json.`) : null) : note("No point has a result.")];
 }
 
-// Words first: whoever reads of it for the first time finds numbers under each family, when wanted.
+// Words and pictures first: whoever reads of it for the first time finds numbers under each family, when wanted.
 function stabilitySections() {
   const [whole, ...families] = data.findings;
   const paragraph = (text) => element("p", {}, text);
+  const terms = element("details", {}, element("summary", {}, "what the columns of the tables mean"),
+    table(["column", "meaning"], data.columns));
+  const strip = (index, finding) => element("div", { class: "strip" }, ...data.report.families[index].points.map((point, at) => {
+    const verdict = data.about[index].verdicts[at], measured = point.outcome.measured;
+    const alt = `${finding.sheet.columns[0]} ${point.x}: ${verdict}`;
+    const picture = measured && measured.picture ? element("img", { src: `data:image/png;base64,${measured.picture}`, alt }) : element("i", {}, measured ? "picture not kept: too large" : "no picture");
+    return element("figure", { class: verdict === "holds" || verdict === "no shadow" ? null : "breaks" }, picture,
+      element("figcaption", {}, element("b", {}, finding.sheet.rows[at][0].show), ` ${verdict}`));
+  }));
   const family = (finding, index) => {
-    const { varied, meaning, seen } = data.about[index];
-    return section(finding.title, paragraph(`${varied} ${meaning}`), paragraph(seen.join(" ")), plotOf(finding), ...finding.notes.slice(seen.length).map(note),
-      element("details", {}, element("summary", {}, `all ${finding.sheet.rows.length} points`), table(finding.sheet.columns, finding.sheet.rows)));
+    const { varied, meaning } = data.about[index];
+    return section(finding.title, paragraph(`${varied} ${meaning}`), note(`${finding.sheet.columns[0]}:`), strip(index, finding), ...finding.notes.map(paragraph),
+      plotOf(finding), element("details", {}, element("summary", {}, `all ${finding.sheet.rows.length} points in numbers`), table(finding.sheet.columns, finding.sheet.rows)));
   };
-  return [...data.introduction.map(paragraph), section(whole.title, table(whole.sheet.columns, whole.sheet.rows)), ...families.map(family)];
+  return [...data.introduction.map(paragraph), section(whole.title, table(whole.sheet.columns, whole.sheet.rows), ...whole.notes.map(note)), terms, ...families.map(family)];
 }
 
 function framesSections(frames) {

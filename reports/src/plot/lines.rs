@@ -34,6 +34,15 @@ pub struct Axis {
     pub label: String,
     /// Logarithmic, if all values allow it.
     pub log: bool,
+    /// Values that are labeled with these names, instead of numbers: such as the place of 0 on a logarithmic axis.
+    pub named: Vec<(f64, String)>,
+}
+
+impl Axis {
+    /// An axis of what `label` says, whose values are labeled with numbers.
+    pub fn new(label: impl Into<String>, log: bool) -> Axis {
+        Axis { label: label.into(), log, named: Vec::new() }
+    }
 }
 
 /// One line or cloud of points.
@@ -73,12 +82,12 @@ impl Lines {
         // Axes.
         canvas.words(&self.title, (left, 22.0), Anchor::Left, 1.15);
         let values = self.series.iter().flat_map(|series| &series.points).map(|point| point.0);
-        for (value, label) in x.ticks_at(values) {
+        for (value, label) in x.ticks_at(values, &self.x.named) {
             let at = left + x.place(value) * (right - left);
             canvas.line(&[(at, top), (at, bottom)], GRID, 1.0, false);
             canvas.words(&label, (at, bottom + 16.0), Anchor::Middle, 0.9);
         }
-        for (value, label) in y.ticks() {
+        for (value, label) in y.ticks_beside(&self.y.named) {
             let at = bottom - y.place(value) * (bottom - top);
             canvas.line(&[(left, at), (right, at)], GRID, 1.0, false);
             canvas.words(&label, (left - 8.0, at), Anchor::Right, 0.9);

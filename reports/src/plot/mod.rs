@@ -87,8 +87,8 @@ mod tests {
         };
         Plot::Lines(Lines {
             title: "time over cores".to_owned(),
-            x: Axis { label: "cores".to_owned(), log: true },
-            y: Axis { label: "ms".to_owned(), log: true },
+            x: Axis::new("cores", true),
+            y: Axis::new("ms", true),
             series: vec![
                 series("total", Look::Line, &[(1.0, 90.0), (2.0, 47.0), (64.0, 3.5)]),
                 series("ideal", Look::Dashed, &[(1.0, 90.0), (64.0, 90.0 / 64.0)]),
@@ -149,7 +149,7 @@ mod tests {
         assert!(!Plot::Lines(empty).svg().contains("NaN"));
         let point = Series { name: "p".to_owned(), look: Look::Dots, points: vec![(0.0, 0.0)] };
         for log in [false, true] {
-            let axis = Axis { label: String::new(), log };
+            let axis = Axis::new("", log);
             let lines = Lines { title: String::new(), x: axis.clone(), y: axis, series: vec![point.clone()] };
             assert!(!Plot::Lines(lines).svg().contains("NaN"));
         }

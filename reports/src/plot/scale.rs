@@ -1,13 +1,16 @@
 //! From values to places on an axis, and where the axis is labeled.
 
-use crate::sheet::short;
+use crate::sheet::{round, short};
 
 /// Labels on an axis, about.
 const TICKS: f64 = 6.0;
 
-/// Values that are labels themselves, at most, and how far apart they must be.
-const VALUES_MAX: usize = 12;
-const APART: f64 = 0.06;
+/// Values that are labels themselves, at most.
+const VALUES_MAX: usize = 24;
+
+/// Part of an axis that a letter of a label takes where it lies, and that a label takes where it stands.
+const LETTER: f64 = 0.015;
+const LINE: f64 = 0.05;
 
 /// One axis: linear, or logarithmic when all values are above 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -44,16 +47,44 @@ impl Scale {
         }
     }
 
-    /// Where to label the axis: at the `values` themselves, if these are few and stand apart, else at round numbers.
-    pub fn ticks_at(&self, values: impl Iterator<Item = f64>) -> Vec<(f64, String)> {
+    /// Where to label the axis: at the `values` themselves, if these are few and two or more have room, else at round
+    /// numbers. Those of `named` have names instead. A label that would run into the one before it is left out.
+    pub fn ticks_at(&self, values: impl Iterator<Item = f64>, named: &[(f64, String)]) -> Vec<(f64, String)> {
         let mut values: Vec<f64> = values.filter(|value| value.is_finite()).collect();
         values.sort_by(f64::total_cmp);
         values.dedup();
-        let apart = values.windows(2).all(|pair| self.place(pair[1]) - self.place(pair[0]) > APART);
-        if !apart || !(2..=VALUES_MAX).contains(&values.len()) {
-            return self.ticks();
+        let wide = |label: &str| (label.chars().count() + 2) as f64 * LETTER;
+        let own = (2..=VALUES_MAX).contains(&values.len()).then(|| {
+            let labels = values.into_iter().map(|value| (value, label(value)));
+            self.with_room(labels.collect(), named, wide)
+        });
+        own.filter(|ticks| ticks.len() > 1).unwrap_or_else(|| self.with_room(self.ticks(), named, wide))
+    }
+
+    /// Where to label an axis that stands: at round numbers that are not too near to those of `named`, which have names.
+    pub fn ticks_beside(&self, named: &[(f64, String)]) -> Vec<(f64, String)> {
+        self.with_room(self.ticks(), named, |_| LINE)
+    }
+
+    /// The labels that have room beside those before them, where `width` is the part of the axis that one takes; a value of
+    /// `named` has its name for a label.
+    fn with_room(
+        &self,
+        ticks: Vec<(f64, String)>,
+        named: &[(f64, String)],
+        width: impl Fn(&str) -> f64,
+    ) -> Vec<(f64, String)> {
+        let others = ticks.into_iter().filter(|(value, _)| named.iter().all(|(other, _)| other != value));
+        let mut kept: Vec<(f64, String)> = named.to_vec();
+        for (value, label) in others {
+            let apart = |(other, name): &(f64, String)| {
+                (self.place(value) - self.place(*other)).abs() > (width(&label) + width(name)) / 2.0
+            };
+            if kept.iter().all(apart) {
+                kept.push((value, label));
+            }
         }
-        values.into_iter().map(|value| (value, label(value))).collect()
+        kept
     }
 
     /// Where to label the axis, and with what.
@@ -91,13 +122,9 @@ impl Scale {
     }
 }
 
-/// A round number without the zeros at its end.
+/// Four digits of a number, without the zeros at their end.
 fn label(value: f64) -> String {
-    let text = short(value);
-    if text.contains('.') && !text.contains('e') {
-        return text.trim_end_matches('0').trim_end_matches('.').to_owned();
-    }
-    text
+    short(value).parse().map_or_else(|_| short(value), round)
 }
 
 #[cfg(test)]
@@ -114,6 +141,17 @@ mod tests {
         assert_eq!(labels(&[0.1, 0.29], false), ["0", "0.05", "0.1", "0.15", "0.2", "0.25"]);
         assert_eq!(labels(&[1.0, 64.0], true), ["1", "2", "5", "10", "20", "50"]);
         assert_eq!(labels(&[1.0, 1e6], true).len(), 7);
+    }
+
+    #[test]
+    fn labels_stand_apart_and_named_values_have_their_names() {
+        let values = [1e-13, 1e-12, 1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1];
+        let scale = Scale::of(values.into_iter(), true);
+        let ticks = scale.ticks_at(values.into_iter(), &[(1e-13, "0".to_owned())]);
+        let names: Vec<&str> = ticks.iter().map(|(_, name)| name.as_str()).collect();
+        assert!(names.starts_with(&["0", "1e-12", "1e-9"]), "{names:?}");
+        let few = Scale::of([1.0, 2.0, 64.0].into_iter(), true).ticks_at([1.0, 2.0, 64.0].into_iter(), &[]);
+        assert_eq!(few, [(1.0, "1".to_owned()), (2.0, "2".to_owned()), (64.0, "64".to_owned())]);
     }
 
     #[test]

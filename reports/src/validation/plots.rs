@@ -4,7 +4,7 @@ use super::{Row, Validation};
 use crate::plot::{Axis, Lines, Look, Plot, Series};
 
 fn plot(title: &str, x: &str, y: &str, series: Vec<Series>) -> Plot {
-    let axis = |label: &str| Axis { label: label.to_owned(), log: true };
+    let axis = |label: &str| Axis::new(label, true);
     Plot::Lines(Lines { title: title.to_owned(), x: axis(x), y: axis(y), series })
 }
 

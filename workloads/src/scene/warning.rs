@@ -68,8 +68,8 @@ impl fmt::Display for SceneWarning {
             }
             Self::LightHuge { diagonals } => write!(
                 f,
-                "the light holds the whole scene: its radius is {diagonals:.0} of the scene's diagonals, and shadows are right up to \
-                 {HUGE_DIAGONALS}; a directional light is a far one"
+                "the light holds the whole scene: its radius is {diagonals:.0} of the scene's diagonals, and from {HUGE_DIAGONALS} on \
+                 what hides it is not told apart along the horizon; a directional light is a far one"
             ),
             Self::LightEnclosed { object } => write!(
                 f,
