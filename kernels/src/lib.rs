@@ -3,10 +3,16 @@
 //! ```text
 //! method.rs    what a method is, and the list of all
 //! sism/        soft irregular shadow mapping (Johnson et al. 2009): silhouette, hard, soft, compose
+//! shadow_map/  depth map of the light and percentage-closer filtering (Williams 1978, Reeves 1987)
+//! pcss/        percentage-closer soft shadows (Fernando 2005)
+//! raytrace/    distribution ray tracing (Cook et al. 1984)
 //! irregular/   what methods with an irregular shadow map share: grid, bin, raster
+//! map/         what methods with a regular shadow map share: layout, tiles, draw, look
 //! scene.rs     the geometry of a frame in the arena
 //! light.rs, segment.rs, rectangle.rs, plane.rs   the geometry of one receiver, one edge, one triangle
+//! samples.rs   samples of the light
 //! scan.rs      prefix sums
+//! lists.rs     lists that many tasks fill
 //! clear.rs     arrays that begin as zero
 //! record.rs, columns.rs, expression.rs   how a kernel writes where things lie, and arithmetic on that
 //! ```
@@ -20,7 +26,13 @@ pub mod segment;
 pub mod rectangle;
 pub mod clear;
 pub mod scan;
+pub mod samples;
+pub mod lists;
 pub mod scene;
 pub mod irregular;
+pub mod map;
 pub mod method;
 pub mod sism;
+pub mod shadow_map;
+pub mod pcss;
+pub mod raytrace;

@@ -157,6 +157,22 @@ impl<V: Vpu> View<V> {
         View { s: pairs.map(|(s, _)| s), t: pairs.map(|(_, t)| t), units, foot, ..self }
     }
 
+    /// The point at `place` on the light, light-centred. `radius`: of a disc.
+    #[inline(always)]
+    pub fn point(&self, v: &mut V, place: Vec2<V>, radius: f32) -> Vec3<V> {
+        let (place, [s, t]) = match self.units {
+            Some(units) => (place, units),
+            None => {
+                let radius = v.vset_f32(radius);
+                (each!(axis in [0, 1] => v.vmul(place[axis], radius)), [self.s, self.t])
+            }
+        };
+        each!(axis in [0, 1, 2] => {
+            let along_t = v.vmul(place[1], t[axis]);
+            v.vmadd(place[0], s[axis], along_t)
+        })
+    }
+
     /// Point `vertex` (light-centred) in this frame.
     #[inline(always)]
     pub fn see(&self, v: &mut V, vertex: Vec3<V>) -> Seen<V> {

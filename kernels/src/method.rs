@@ -1,7 +1,7 @@
 //! Methods: what computes shadows on a simulated machine, and the list of those that there are.
 
 use lrbsim_isa::options::{Entry, Options};
-use lrbsim_isa::{Phase, Runner, Stopped};
+use lrbsim_isa::{Addr, Arena, Phase, Runner, Stopped};
 use lrbsim_workloads::{Light, ShadowInput};
 
 /// A way to compute how much of a light each receiver sees.
@@ -50,5 +50,17 @@ pub struct Shadows {
     pub silhouette_edges: Option<u64>,
 }
 
+/// What the picture at `visibility` has for the receivers of `input`, in their order.
+pub(crate) fn read(visibility: Addr, input: &ShadowInput, arena: &Arena) -> Vec<f32> {
+    let at = |&pixel: &u32| arena.read_f32(visibility.plus_words(u64::from(pixel)));
+    input.receiver_pixel.iter().map(at).collect()
+}
+
 /// All methods; the first is the one that runs where users name none.
-pub static METHODS: [&dyn Method; 1] = [&crate::sism::Sism];
+pub static METHODS: [&dyn Method; 5] = [
+    &crate::sism::Sism,
+    &crate::sism::Hard,
+    &crate::shadow_map::ShadowMap,
+    &crate::pcss::Pcss,
+    &crate::raytrace::Raytrace,
+];

@@ -1,12 +1,15 @@
 //! The geometry of a frame in the arena: what the host copies there, untimed.
 
-use lrbsim_isa::{Addr, Arena};
+use lrbsim_isa::{Addr, Arena, Vpu};
+use lrbsim_workloads::adjacency::objects;
 use lrbsim_workloads::{Counting, ShadowInput};
 
 use crate::columns::Columns;
+use crate::expression::each;
 use crate::field;
 use crate::irregular::CHILDREN;
 use crate::irregular::primitives::{BACK, FRONT};
+use crate::plane::Vec3;
 
 /// A vertex of the scene.
 #[repr(C)]
@@ -78,6 +81,52 @@ impl Scene {
         let edge_faces = arena.overwritten(input.edge_faces.len() as u64);
         fill(arena, edge_faces, input.edge_faces.iter().copied());
         Scene { vertices, triangles, triangle_count, edges, edge_count, edge_first, edge_faces }
+    }
+
+    /// Copies the geometry of a frame into the arena for a method to which triangles that the light is cut by are as any others.
+    pub fn uncut(input: &ShadowInput, arena: &mut Arena) -> Scene {
+        let scene = Scene::new(input, arena);
+        for cut in &input.cut {
+            for (corner, vertex) in cut.corners.into_iter().enumerate() {
+                arena.write_u32(scene.triangles.host(cut.number, field!(Triangle.corners[corner])), vertex);
+            }
+        }
+        scene
+    }
+
+    /// Positions of 16 vertices.
+    #[inline(always)]
+    pub fn positions<V: Vpu>(&self, v: &mut V, live: V::Mask, vertex: V::I32) -> Vec3<V> {
+        let zero = v.vset_f32(0.0);
+        each!(axis in [0, 1, 2] => {
+            let column = self.vertices.column(field!(Vertex.position[axis]));
+            v.vgather_f32_or(zero, live, column, vertex)
+        })
+    }
+}
+
+/// The objects that triangles and edges of the scene belong to, word by word.
+#[derive(Clone, Copy)]
+pub struct ObjectNumbers {
+    /// Number of the object of each triangle.
+    pub triangles: Addr,
+    /// Number of the object of each edge.
+    pub edges: Addr,
+}
+
+impl ObjectNumbers {
+    /// Copies the numbers into the arena, untimed as the rest of the scene.
+    pub fn new(input: &ShadowInput, arena: &mut Arena) -> ObjectNumbers {
+        let row =
+            |e: usize| &input.edge_faces[input.edge_first[e] as usize..input.edge_first[e + 1] as usize];
+        let rows = || (0..input.edges.len()).map(row);
+        let of_triangles = objects(input.triangles.len(), rows());
+        let of_edge = |row: &[u32]| row.first().map_or(0, |face| of_triangles[(face >> 1) as usize]);
+        let triangles = arena.overwritten(of_triangles.len() as u64 + 16);
+        let edges = arena.overwritten(input.edges.len() as u64 + 16);
+        fill(arena, triangles, of_triangles.iter().copied());
+        fill(arena, edges, rows().map(of_edge));
+        ObjectNumbers { triangles, edges }
     }
 }
 

@@ -4,8 +4,8 @@ mod common;
 
 use common::{On, Random, Run, add_box, back_ends, input, polygons, random_scene, shipped, sphere, turned};
 use lrbsim_isa::HostSimd;
+use lrbsim_kernels::samples::{places, turns};
 use lrbsim_kernels::sism::Overlap;
-use lrbsim_kernels::sism::bits::{places, turns};
 use lrbsim_workloads::adjacency::CUT_TRIANGLES_MAX;
 use lrbsim_workloads::glam::{DVec3, Vec3};
 use lrbsim_workloads::reference::Occluders;

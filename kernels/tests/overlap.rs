@@ -6,8 +6,8 @@ use common::{
     On, Random, Run, add_box, back_ends, cases, input, loops, of_loops, random_scene, shipped, sphere, turned,
 };
 use lrbsim_isa::HostSimd;
+use lrbsim_kernels::samples::{places, turns};
 use lrbsim_kernels::sism::Overlap;
-use lrbsim_kernels::sism::bits::{places, turns};
 use lrbsim_workloads::glam::{DVec2, DVec3, Vec3};
 use lrbsim_workloads::reference::{ObjectRule, Occluders};
 use lrbsim_workloads::{Light, Mesh, ShadowInput};

@@ -2,11 +2,8 @@
 
 mod common;
 
-use common::{On, Run, back_ends, shipped};
+use common::{On, Run, TASK_UOPS, back_ends, shipped};
 use lrbsim_isa::{HostSimd, VECTOR_REGISTERS};
-
-/// Uops that no task should exceed by much: the machine balances load by tasks.
-const TASK_UOPS: usize = 64 << 10;
 
 #[test]
 fn every_back_end_gives_the_same_picture() {

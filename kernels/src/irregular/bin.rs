@@ -8,13 +8,13 @@ use lrbsim_isa::{Addr, Compare, Kernel, Runner, Step, Stopped, Vpu};
 
 use super::FACES;
 use super::grid::Grid;
-use super::lists::Lists;
 use super::primitives::{BACK, EdgeRecord, FACES_SHIFT, FRONT, Kind, Primitives, TriangleRecord};
 use super::touch::{Edge, FaceFrame, Touch, Triangle};
 use crate::clear;
 use crate::columns::{lanes_below, take_lane, task_range};
 use crate::expression::scalar;
 use crate::field;
+use crate::lists::Lists;
 use crate::record::Record;
 
 /// Number of triangles or edges that a task handles.

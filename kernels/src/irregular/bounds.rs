@@ -23,11 +23,11 @@ const BOUNDS: usize = 6;
 
 /// Bounds of some receivers on one face: one line.
 #[repr(C, align(64))]
-pub(super) struct FaceBounds {
+pub(crate) struct FaceBounds {
     /// Least x, -x, y, -y, depth, -depth.
-    pub(super) least: [f32; BOUNDS],
+    pub(crate) least: [f32; BOUNDS],
     /// Number of receivers; where it is 0 nobody has written bounds.
-    pub(super) count: i32,
+    pub(crate) count: i32,
 }
 
 /// Bounds of 16 receivers a face, lane by lane: where a task works.
@@ -40,7 +40,7 @@ struct LaneBounds {
 const AHEAD: u64 = 8;
 
 /// Finds the bounds of all receivers, by face.
-pub(super) fn find(receivers: &Receivers, runner: &mut Runner<'_>) -> Result<Records<FaceBounds>, Stopped> {
+pub(crate) fn find(receivers: &Receivers, runner: &mut Runner<'_>) -> Result<Records<FaceBounds>, Stopped> {
     let tasks = receivers.tasks();
     let of_lanes = Records::overwritten(runner.arena, u64::from(tasks));
     let of_tasks = Records::overwritten(runner.arena, u64::from(FACES * tasks));

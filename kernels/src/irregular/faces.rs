@@ -248,7 +248,7 @@ impl Grids {
 
 /// Width of grids over `low..high`: a little more, so that rounding puts no receiver outside.
 #[inline(always)]
-fn extent<V: Vpu>(v: &mut V, low: V::F32, high: V::F32) -> V::F32 {
+pub(crate) fn extent<V: Vpu>(v: &mut V, low: V::F32, high: V::F32) -> V::F32 {
     let wider = v.vset_f32(1.001);
     let least = v.vset_f32(1e-6);
     let size = v.vsub(high, low);
@@ -325,16 +325,16 @@ impl Kernel for BinPlaces {
 }
 
 /// Constants that the kernels of the grid keep in registers.
-pub(super) struct Constants<V: Vpu> {
-    pub(super) zero: V::F32,
-    pub(super) one: V::F32,
+pub(crate) struct Constants<V: Vpu> {
+    pub(crate) zero: V::F32,
+    pub(crate) one: V::F32,
     /// 0 to 5: the faces, and small numbers.
-    pub(super) whole: [V::I32; FACES as usize],
+    pub(crate) whole: [V::I32; FACES as usize],
 }
 
 impl<V: Vpu> Constants<V> {
     #[inline(always)]
-    pub(super) fn new(v: &mut V) -> Constants<V> {
+    pub(crate) fn new(v: &mut V) -> Constants<V> {
         Constants {
             zero: v.vset_f32(0.0),
             one: v.vset_f32(1.0),
@@ -345,7 +345,7 @@ impl<V: Vpu> Constants<V> {
 
 /// Positions of the 16 receivers from `i` on; asks for those of the next vector.
 #[inline(always)]
-pub(super) fn load_positions<V: Vpu>(
+pub(crate) fn load_positions<V: Vpu>(
     v: &mut V,
     constants: &Constants<V>,
     receivers: Columns<Receiver>,
@@ -361,7 +361,7 @@ pub(super) fn load_positions<V: Vpu>(
 
 /// Face of each point, by its largest component (the first of equal ones), and its image there: x, y, depth.
 #[inline(always)]
-pub(super) fn project<V: Vpu>(
+pub(crate) fn project<V: Vpu>(
     v: &mut V,
     constants: &Constants<V>,
     p: Vec3<V>,

@@ -15,6 +15,7 @@
 //! is cut into slices by depth.
 
 pub mod primitives;
+pub mod triangles;
 pub mod receivers;
 pub mod grid;
 pub mod bounds;
@@ -22,7 +23,6 @@ pub mod faces;
 mod streaks;
 pub mod nodes;
 pub mod touch;
-mod lists;
 pub mod bin;
 pub mod raster;
 pub mod run;

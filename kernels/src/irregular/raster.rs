@@ -14,7 +14,6 @@ use lrbsim_isa::{Addr, Compare, Kernel, Runner, Step, Stopped, Vpu};
 use super::bin::Bins;
 use super::faces::BinPlace;
 use super::grid::Grid;
-use super::lists::Lists;
 use super::primitives::Primitives;
 use super::touch::{Edge, FaceFrame, Touch, Triangle};
 use super::{BIN_CELLS, FACES};
@@ -22,6 +21,7 @@ use crate::clear;
 use crate::columns::{Columns, lower, take_lane, task_range};
 use crate::expression::{int, scalar};
 use crate::field;
+use crate::lists::Lists;
 use crate::record::{Records, words};
 
 /// Primitives of a piece, as a power of two.

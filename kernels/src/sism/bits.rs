@@ -15,10 +15,8 @@
 
 #![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
 
-use lrbsim_isa::{Addr, Arena, Compare, Kernel, Runner, Stacked, Step, Stopped, Vpu};
+use lrbsim_isa::{Addr, Compare, Kernel, Runner, Stacked, Step, Stopped, Vpu};
 use lrbsim_workloads::Outline;
-use lrbsim_workloads::glam::DVec2;
-use lrbsim_workloads::reference::spiral;
 
 use super::Sums;
 use super::cut::{CutSamples, Hidden};
@@ -35,27 +33,11 @@ use crate::irregular::run::{Runs, Samples, Shade, Split, Walk};
 use crate::light::{Horizon, View};
 use crate::plane::side;
 use crate::record::Record;
-use crate::scene::fill;
+use crate::samples::LightSamples;
 use crate::segment::{Vec2, cross, dot};
 
 /// Groups of 16 samples of the light at most.
 pub const GROUPS_MAX: usize = 16;
-
-/// Directions that the samples are turned to.
-const TURNS: u32 = 16;
-
-/// A sample of the light, in radii.
-#[repr(C)]
-struct LightSample {
-    place: [f32; 2],
-}
-
-/// A direction that the samples are turned to.
-#[repr(C)]
-struct Turn {
-    cos: f32,
-    sin: f32,
-}
 
 /// Finds which samples of the light are covered, for every sample in a block that holds edges: the covered part, in fixed
 /// point, to [`Sums::coverage`]`[0]`. One task a run.
@@ -81,98 +63,6 @@ pub struct Compared {
     pub samples: LightSamples,
     /// Those that triangles hide which the light is cut by; `None` where there are no such triangles.
     pub hidden: Option<Hidden>,
-}
-
-/// The samples of the light, and the directions that they are turned to.
-#[derive(Clone, Copy)]
-pub struct LightSamples {
-    /// Number of groups of 16 samples, at most [`GROUPS_MAX`].
-    pub groups: usize,
-    samples: Columns<LightSample>,
-    turns: Columns<Turn>,
-}
-
-impl LightSamples {
-    /// Puts `groups` groups of 16 samples of a light of this outline into the arena, untimed: constants of the program.
-    pub fn new(arena: &mut Arena, outline: Outline, groups: usize) -> LightSamples {
-        let samples = put_samples(arena, outline, groups as u32 * 16);
-        LightSamples { groups, samples, turns: put_turns(arena, outline) }
-    }
-
-    /// The light as 16 receivers see it, turned for their samples: by the pixel, so that a picture does not depend on the order of
-    /// the samples.
-    #[inline(always)]
-    pub fn turned<V: Vpu>(
-        &self,
-        v: &mut V,
-        view: View<V>,
-        grid: &Grid,
-        live: V::Mask,
-        receiver: V::I32,
-    ) -> View<V> {
-        let none = v.vset_i32(0);
-        let zero = v.vset_f32(0.0);
-        let receivers = grid.receivers.columns;
-        let pixel = v.vgather_i32_or(none, live, receivers.column(field!(Receiver.pixel)), receiver);
-        let golden = v.vset_i32(0x9e37_79b9_u32 as i32);
-        let shift = v.vset_i32(32 - TURNS.trailing_zeros() as i32);
-        let turn = int!(v, (pixel * golden) >> shift);
-        let cos = v.vgather_f32_or(zero, live, self.turns.column(field!(Turn.cos)), turn);
-        let sin = v.vgather_f32_or(zero, live, self.turns.column(field!(Turn.sin)), turn);
-        view.turned(v, cos, sin)
-    }
-
-    /// Sample `number` of the light in every lane, in radii.
-    #[inline(always)]
-    pub fn place<V: Vpu>(&self, v: &mut V, number: usize) -> Vec2<V> {
-        let number = v.s_imm(number as i32);
-        each!(axis in [0, 1] => {
-            v.vbroadcast_f32(self.samples.column(field!(LightSample.place[axis])), number)
-        })
-    }
-}
-
-/// Puts the samples of the light into the arena, untimed: constants of the program.
-fn put_samples(arena: &mut Arena, outline: Outline, count: u32) -> Columns<LightSample> {
-    let columns = Columns::overwritten(arena, count);
-    let places = places(outline, count);
-    for axis in 0..2 {
-        let values = places.iter().map(|place| (place[axis] as f32).to_bits());
-        fill(arena, columns.column(field!(LightSample.place[axis])), values);
-    }
-    columns
-}
-
-/// Places of `count` samples of a light, a power of two: each stands for as much of it as any other.
-pub fn places(outline: Outline, count: u32) -> Vec<DVec2> {
-    let even = |i: u32| (2.0 * f64::from(i) + 1.0) / f64::from(count) - 1.0;
-    match outline {
-        Outline::Disc => spiral(count),
-        // Even along one side, and along the other by the bits of the number read backward [hammersley60].
-        Outline::Square => (0..count)
-            .map(|i| DVec2::new(even(i), even(i.reverse_bits() >> (32 - count.trailing_zeros()))))
-            .collect(),
-        Outline::Line => (0..count).map(|i| DVec2::new(even(i), 0.0)).collect(),
-    }
-}
-
-/// Directions that the samples of a light are turned to, from pixel to pixel.
-pub fn turns(outline: Outline) -> Vec<DVec2> {
-    match outline {
-        // Those of the spiral's own samples: no two alike, and evenly around.
-        Outline::Disc => spiral(TURNS).into_iter().map(|place| place.normalize()).collect(),
-        Outline::Square => [DVec2::X, DVec2::Y, DVec2::NEG_X, DVec2::NEG_Y].repeat(TURNS as usize / 4),
-        Outline::Line => vec![DVec2::X; TURNS as usize],
-    }
-}
-
-/// Puts the directions that samples are turned to into the arena, untimed: constants of the program.
-fn put_turns(arena: &mut Arena, outline: Outline) -> Columns<Turn> {
-    let columns = Columns::overwritten(arena, TURNS);
-    let directions = turns(outline);
-    fill(arena, columns.column(field!(Turn.cos)), directions.iter().map(|d| (d.x as f32).to_bits()));
-    fill(arena, columns.column(field!(Turn.sin)), directions.iter().map(|d| (d.y as f32).to_bits()));
-    columns
 }
 
 /// Finds the covered samples of the light for the samples of a run.
@@ -241,15 +131,6 @@ impl Bits {
         together(v, [front, back])
     }
 
-    /// Group `group` of the samples of the light, in radii.
-    #[inline(always)]
-    fn places<V: Vpu>(&self, v: &mut V, group: usize) -> Vec2<V> {
-        let first = v.s_imm(group as i32 * 16);
-        each!(axis in [0, 1] => {
-            v.vload_f32(self.compared.samples.samples.column(field!(LightSample.place[axis])), first)
-        })
-    }
-
     /// Adds to the counts of the receivers in `live` what the edges in `crossing` change.
     #[inline(always)]
     fn cross<V: Vpu>(&self, v: &mut V, live: V::Mask, crossing: &Crossing<V>, state: &mut Covered<V>) {
@@ -270,8 +151,8 @@ impl Bits {
             let step = v.vpermute(crossing.step, lane_number);
             let [a, b] = crossing.ends;
             let (a, b) = ([of(v, a[0]), of(v, a[1])], [of(v, b[0]), of(v, b[1])]);
-            for (group, count) in counts[..self.compared.samples.groups].iter_mut().enumerate() {
-                let place = self.places(v, group);
+            for (group, count) in counts[..self.compared.samples.groups()].iter_mut().enumerate() {
+                let place = self.compared.samples.places(v, group);
                 let across = cross2(v, along, place);
                 let beyond = v.vcmp_gt(across, offset);
                 let (a, b) = (cross2(v, a, place), cross2(v, b, place));
@@ -303,7 +184,8 @@ impl Shade for Bits {
             v.vload_i32_or(none, live, self.grid.samples.column(field!(Sample.receiver)), samples.first);
 
         let view = view(v, &self.own.primitives.light, samples.position);
-        let view = self.compared.samples.turned(v, view, &self.grid, live, receiver);
+        let [cos, sin] = self.compared.samples.turn(v, receivers, live, receiver);
+        let view = view.turned(v, cos, sin);
 
         let layers = self.layers(v, samples);
         let mut state = Covered { view, layers, counts: [[None; GROUPS_MAX]; 16], horizon: None };
@@ -389,7 +271,8 @@ impl Shade for Bits {
         let whole = v.vset_i32(WHOLE as i32);
         let hidden = v.vicmp_neq(state.layers, none);
         let mut covered = v.vblend_i32(hidden, whole, none);
-        let per_sample = (WHOLE as i32 / (self.compared.samples.groups as i32 * 16)).trailing_zeros() as i32;
+        let per_sample =
+            (WHOLE as i32 / (self.compared.samples.groups() as i32 * 16)).trailing_zeros() as i32;
         let nothing = v.s_imm(0);
         for (lane, counts) in state.counts.iter().enumerate() {
             // Whether a receiver has counts on the stack, one bit says, which the thread keeps.
@@ -417,13 +300,13 @@ impl Shade for Bits {
                 )),
             };
             let mut number = v.s_imm(0);
-            for (group, count) in counts[..self.compared.samples.groups].iter().enumerate() {
+            for (group, count) in counts[..self.compared.samples.groups()].iter().enumerate() {
                 let mut count = match *count {
                     Some(count) => v.vunstack_i32(count),
                     None => v.vpermute(state.layers, lane_number),
                 };
                 if let Some((along, offset, step)) = horizon {
-                    let place = self.places(v, group);
+                    let place = self.compared.samples.places(v, group);
                     let across = cross2(v, along, place);
                     let beyond = v.vcmp_gt(across, offset);
                     count = v.viadd_or(count, beyond, count, step);

@@ -19,7 +19,7 @@
 use lrbsim_isa::{Arena, Compare, Kernel, Runner, Step, Stopped, Vpu};
 use lrbsim_workloads::{Counting, ShadowInput};
 
-use super::bits::{LightSamples, horizon};
+use super::bits::horizon;
 use super::own::Own;
 use super::soft::{fixed, view};
 use crate::columns::{Columns, lanes_below, task_range};
@@ -31,6 +31,7 @@ use crate::irregular::receivers::Receiver;
 use crate::light::View;
 use crate::plane::{Vec3, cross as cross3, dot as dot3, plane_slack, sub};
 use crate::record::{Record, Records};
+use crate::samples::LightSamples;
 use crate::scene::fill;
 use crate::segment::{Angle, Vec2, cross};
 
@@ -135,7 +136,7 @@ impl CutTriangles {
         runner: &mut Runner<'_>,
     ) -> Result<Hidden, Stopped> {
         let own = Own { primitives: *primitives };
-        let groups = light_samples.groups;
+        let groups = light_samples.groups();
         let hidden = Columns::overwritten(runner.arena, grid.receivers.count);
         let steps =
             (0..groups).flat_map(|group| self.steps().map(move |(first, count)| (group, first, count)));
@@ -359,7 +360,8 @@ impl Kernel for Covered {
         let zero = v.vset_f32(0.0);
         let seen = samples_from(v, &self.grid, i, end);
         let view = view(v, &self.own.primitives.light, seen.points);
-        let view = self.light_samples.turned(v, view, &self.grid, seen.live, seen.receiver);
+        let [cos, sin] = self.light_samples.turn(v, self.grid.receivers.columns, seen.live, seen.receiver);
+        let view = view.turned(v, cos, sin);
         let column = self.hidden.column(field!(CutSamples.groups[self.group]));
         let mut hidden = none;
         if self.first > 0 {
@@ -390,7 +392,8 @@ impl Kernel for Covered {
                 (*from, *to) = ([x, y], [offset, zero]);
             }
             for sample in 0..16 {
-                let place = self.light_samples.place(v, self.group * 16 + sample);
+                let number = v.s_imm((self.group * 16 + sample) as i32);
+                let place = self.light_samples.place(v, number);
                 let mut inside = covers;
                 for (_, along, [offset, _]) in &polygon.sides[..polygon.count] {
                     let right = v.vmul(along[1], place[0]);
@@ -410,7 +413,8 @@ impl Kernel for Covered {
             let counted = v.vicmp_neq(horizon.step, none);
             let cut = v.kand(cut, counted);
             for sample in 0..16 {
-                let place = self.light_samples.place(v, self.group * 16 + sample);
+                let number = v.s_imm((self.group * 16 + sample) as i32);
+                let place = self.light_samples.place(v, number);
                 let beyond = horizon.beyond(v, place);
                 let beyond = v.kand(beyond, cut);
                 let others = v.vset_i32(!(1 << sample));

@@ -36,14 +36,15 @@ use crate::irregular::primitives::{Form, Kind, LightConstants, Primitives};
 use crate::irregular::raster::Raster;
 use crate::irregular::receivers::Receivers;
 use crate::irregular::run::{RunSizes, Runs, Walk};
-use crate::method::{Method, Shadows};
-use crate::scene::Scene;
+use crate::method::{Method, Shadows, read};
+use crate::samples::LightSamples;
+use crate::scene::{ObjectNumbers, Scene};
 use crate::segment::Angle;
-use bits::{Compared, LightSamples};
+use bits::Compared;
 use compose::Apart;
 use cut::CutTriangles;
 use kept::Kept;
-use objects::{ObjectNumbers, Objects};
+use objects::Objects;
 use own::Own;
 use printed::Printed;
 use soft::How;
@@ -204,12 +205,50 @@ impl Method for Sism {
             // Each where the one before was: nothing but the picture outlives its light.
             runner.arena.give_back(first);
             let picture = Picture { visibility, number, of };
-            let primitives = run_light(light, choices, picture, runner)?.primitives;
+            let scene = Scene::new(light, runner.arena);
+            let constants = LightConstants { form: choices.form, ..LightConstants::new(light) };
+            let primitives = run_light(light, scene, constants, choices, picture, runner)?.primitives;
             if primitives.light.is_soft() {
                 *silhouette_edges.get_or_insert(0) += u64::from(primitives.edge_count);
             }
         }
         Ok(Shadows { visibility: read(visibility, input, runner.arena), silhouette_edges })
+    }
+}
+
+/// Irregular hard shadows [johnson04], as a method among others: the kernels of [`Sism`] for the middle of the light alone.
+pub struct Hard;
+
+impl Method for Hard {
+    fn entry(&self) -> Entry {
+        Entry {
+            name: "hard",
+            about: "hard shadows by an irregular shadow map (Johnson et al. 2004), the light as a point",
+            options: &[],
+        }
+    }
+
+    fn phases(&self) -> &'static [Phase] {
+        &[SILHOUETTE, GRID, BIN, RASTER, HARD, COMPOSE]
+    }
+
+    fn run(
+        &self,
+        _options: &Options,
+        input: &ShadowInput,
+        runner: &mut Runner<'_>,
+    ) -> Result<Shadows, Stopped> {
+        let visibility = runner.arena.overwritten(u64::from(input.width * input.height));
+        let scene = Scene::uncut(input, runner.arena);
+        let light = LightConstants {
+            shape: LightShape::Facing,
+            radius: 0.0,
+            bound_radius: 0.0,
+            ..LightConstants::new(input)
+        };
+        let picture = Picture { visibility, number: 0, of: 1 };
+        run_light(input, scene, light, Choices::from(Overlap::Sum), picture, runner)?;
+        Ok(Shadows { visibility: read(visibility, input, runner.arena), silhouette_edges: None })
     }
 }
 
@@ -330,12 +369,6 @@ impl Arrays {
     }
 }
 
-/// What the picture at `visibility` has for the receivers of `input`, in their order.
-fn read(visibility: Addr, input: &ShadowInput, arena: &Arena) -> Vec<f32> {
-    let at = |&pixel: &u32| arena.read_f32(visibility.plus_words(u64::from(pixel)));
-    input.receiver_pixel.iter().map(at).collect()
-}
-
 /// The picture that lights add to, one after the other.
 #[derive(Debug, Clone, Copy)]
 pub struct Picture {
@@ -354,22 +387,25 @@ pub fn run(
     runner: &mut Runner<'_>,
 ) -> Result<Arrays, Stopped> {
     let visibility = runner.arena.overwritten(u64::from(input.width * input.height));
-    run_light(input, choices.into(), Picture { visibility, number: 0, of: 1 }, runner)
+    let choices = choices.into();
+    let scene = Scene::new(input, runner.arena);
+    let light = LightConstants { form: choices.form, ..LightConstants::new(input) };
+    run_light(input, scene, light, choices, Picture { visibility, number: 0, of: 1 }, runner)
 }
 
-/// The program of one light. Copies the input into the arena, untimed; all else are its steps.
+/// The program of one light, whose geometry is in the arena. Copies the rest of the input there, untimed; all else are its steps.
 ///
 /// A point light has neither silhouettes nor a soft phase.
 fn run_light(
     input: &ShadowInput,
+    scene: Scene,
+    light: LightConstants,
     choices: Choices,
     picture: Picture,
     runner: &mut Runner<'_>,
 ) -> Result<Arrays, Stopped> {
     let Choices { overlap, form, sums: kept, angle } = choices;
-    let scene = Scene::new(input, runner.arena);
     let receivers = Receivers::new(input, runner.arena);
-    let light = LightConstants { form, ..LightConstants::new(input) };
     let cut = CutTriangles::new(input, runner.arena);
     let objects = match overlap.rule() {
         Some(_) if light.is_soft() => Some(ObjectNumbers::new(input, runner.arena)),
@@ -412,7 +448,7 @@ fn run_light(
                 soft::sum(walk, &primitives, How { printed, angle, kept }, objects, sums, runner)?;
             }
             Some(groups) => {
-                let samples = LightSamples::new(runner.arena, light.shape.outline(), groups);
+                let samples = LightSamples::new(runner.arena, light.shape.outline(), 16 * groups as u32);
                 hidden = cut.map(|cut| cut.samples(&primitives, samples, &grid, runner)).transpose()?;
                 let compared = Compared { samples, hidden };
                 bits::cover(walk, compared, &primitives, &grid, &runs, sums, runner)?;

@@ -11,8 +11,6 @@
 #![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
 
 use lrbsim_isa::{Addr, Compare, Kernel, Runner, Step, Stopped, Vpu};
-use lrbsim_workloads::ShadowInput;
-use lrbsim_workloads::adjacency::objects;
 use lrbsim_workloads::reference::ObjectRule;
 
 use super::compose::{rule_of_two, visible};
@@ -30,35 +28,9 @@ use crate::irregular::raster::{CellRecord, Raster};
 use crate::irregular::receivers::Receiver;
 use crate::irregular::run::Samples;
 use crate::record::words;
-use crate::scene::fill;
 
 /// Lists of a task of the step that sorts.
 const LISTS: u32 = 16;
-
-/// The objects that triangles and edges of the scene belong to, word by word.
-#[derive(Clone, Copy)]
-pub struct ObjectNumbers {
-    /// Number of the object of each triangle.
-    pub triangles: Addr,
-    /// Number of the object of each edge.
-    pub edges: Addr,
-}
-
-impl ObjectNumbers {
-    /// Copies the numbers into the arena, untimed as the rest of the scene.
-    pub fn new(input: &ShadowInput, arena: &mut lrbsim_isa::Arena) -> ObjectNumbers {
-        let row =
-            |e: usize| &input.edge_faces[input.edge_first[e] as usize..input.edge_first[e + 1] as usize];
-        let rows = || (0..input.edges.len()).map(row);
-        let of_triangles = objects(input.triangles.len(), rows());
-        let of_edge = |row: &[u32]| row.first().map_or(0, |face| of_triangles[(face >> 1) as usize]);
-        let triangles = arena.overwritten(of_triangles.len() as u64 + 16);
-        let edges = arena.overwritten(input.edges.len() as u64 + 16);
-        fill(arena, triangles, of_triangles.iter().copied());
-        fill(arena, edges, rows().map(of_edge));
-        ObjectNumbers { triangles, edges }
-    }
-}
 
 /// How the soft kernel tells objects apart.
 #[derive(Clone, Copy)]

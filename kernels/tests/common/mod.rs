@@ -16,6 +16,7 @@ use lrbsim_kernels::irregular::grid::Sample;
 use lrbsim_kernels::irregular::primitives::Primitives;
 use lrbsim_kernels::irregular::receivers::{Receiver, Receivers};
 use lrbsim_kernels::irregular::run::Split;
+use lrbsim_kernels::method::Method;
 use lrbsim_kernels::record::Field;
 use lrbsim_kernels::segment::Angle;
 use lrbsim_kernels::sism::kept::Kept;
@@ -26,6 +27,9 @@ use lrbsim_workloads::glam::{DVec2, DVec3, Vec3};
 use lrbsim_workloads::reference::ErrorMetrics;
 use lrbsim_workloads::{Adjacency, Counting, EyeView, Light, Mesh, Scene, ShadowInput, load_scene};
 use serde_json::Value;
+
+/// Uops that no task should exceed by much: the machine balances load by tasks.
+pub const TASK_UOPS: usize = 64 << 10;
 
 /// The back end that runs something.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -546,4 +550,43 @@ pub fn only_rounding(name: &str, truth: &[f64], kernels: &[f32]) {
     // A receiver within rounding of a triangle's edge or plane may fall to either side.
     assert!(off * 2000 <= truth.len(), "{name}: {off} of {}", truth.len());
     assert!(metrics.mean < 1e-5, "{name}: {metrics:?}");
+}
+
+/// A frame that a method has drawn.
+pub struct Drawn {
+    /// Visibility, one a receiver.
+    pub visibility: Vec<f32>,
+    pub steps: BTreeMap<&'static str, StepFigures>,
+}
+
+/// Runs `method` with the options that `options` gives.
+pub fn draw(method: &dyn Method, options: &str, input: &ShadowInput, on: On) -> Drawn {
+    let mut steps = BTreeMap::new();
+    let mut run_step = |phase: &Phase, step: &Step, arena: &mut Arena| {
+        assert!(method.phases().iter().any(|listed| listed.id == phase.id), "{} is not listed", phase.id);
+        steps.insert(step.name(), run_step(step, arena, on));
+        Ok(())
+    };
+    let options = method.entry().options(options).expect("the method takes these");
+    let mut arena = Arena::new();
+    let shadows = method.run(&options, input, &mut Runner::new(&mut arena, &mut run_step));
+    let visibility = shadows.expect("nothing stops it").visibility;
+    assert_eq!(visibility.len(), input.receivers.len());
+    assert!(visibility.iter().all(|x| (0.0..=1.0).contains(x)), "a visibility outside [0, 1]");
+    Drawn { visibility, steps }
+}
+
+/// All back ends give the picture that the first of them gives, whose tasks are short.
+pub fn same_on_all_back_ends(method: &dyn Method, options: &str, input: &ShadowInput) {
+    let mut all = back_ends();
+    all.push(On::Host(HostSimd::detect(), 2));
+    let first = draw(method, options, input, all[0]);
+    for (step, figures) in &first.steps {
+        println!("{step:18} {:>6} tasks, longest {:>6} uops", figures.tasks, figures.longest_task);
+        assert!(figures.longest_task < TASK_UOPS, "{step}: a task of {} uops", figures.longest_task);
+    }
+    let bits = |drawn: &Drawn| drawn.visibility.iter().map(|x| x.to_bits()).collect::<Vec<u32>>();
+    for &on in &all[1..] {
+        assert!(bits(&draw(method, options, input, on)) == bits(&first), "{on:?} gives another picture");
+    }
 }

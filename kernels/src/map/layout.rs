@@ -1,0 +1,157 @@
+//! Where texels lie: a square of them for each face around the light that sees receivers, as large as these need.
+
+use lrbsim_isa::{Kernel, Runner, Step, Stopped, Vpu, math};
+
+use crate::columns::Columns;
+use crate::expression::int;
+use crate::field;
+use crate::irregular::FACES;
+use crate::irregular::bounds::{self, FaceBounds};
+use crate::irregular::faces::extent;
+use crate::irregular::receivers::Receivers;
+use crate::record::{Field, Records, words};
+use crate::scan;
+
+/// Tiles of a side at most: as many as a vector has lanes.
+const TILES: u32 = 16;
+
+/// Texels of a side of a tile at least: as many as a vector has lanes.
+const TILE_MIN: u32 = 16;
+
+/// What kernels look up of a face.
+#[repr(C)]
+pub struct MapFace {
+    /// Where texel 0 begins on the image plane.
+    pub origin: [f32; 2],
+    /// Texels per unit of the image plane.
+    pub per_unit: [f32; 2],
+    /// Width of a texel on the image plane.
+    pub unit: [f32; 2],
+    /// Number of its square among those of the faces that see receivers.
+    pub slot: i32,
+}
+
+/// What kernels look up of a square of texels.
+#[repr(C)]
+pub struct MapSlot {
+    /// The face whose square it is.
+    pub face: i32,
+}
+
+/// Where the texels of a map lie.
+#[derive(Clone, Copy)]
+pub struct Layout {
+    /// Parameters by number of the face.
+    pub faces: Columns<MapFace>,
+    /// Parameters by number of the square.
+    pub slots: Columns<MapSlot>,
+    /// Number of squares: of faces that see receivers.
+    pub slot_count: u32,
+    /// Texels of a side, a power of two.
+    pub size: u32,
+    /// Texels of a side of a tile, by their logarithm.
+    pub tile_log2: u32,
+}
+
+impl Layout {
+    /// Lays out squares of `size` texels a side about the receivers, with `margin` texels on every side.
+    pub(super) fn build(
+        receivers: &Receivers,
+        size: u32,
+        margin: u32,
+        runner: &mut Runner<'_>,
+    ) -> Result<Layout, Stopped> {
+        let bounds = bounds::find(receivers, runner)?;
+        let faces = Columns::with_stride(runner.arena, 16);
+        let slots = Columns::with_stride(runner.arena, 16);
+        let count = runner.arena.overwritten(16);
+        let inside = (size - 2 * margin) as f32;
+        let kernel = Squares { bounds, inside, margin: margin as f32, faces, slots, count };
+        runner.run(&Step::ordered("map layout", 1, kernel))?;
+        let slot_count = runner.arena.read_u32(count);
+        let tile_log2 = (size / TILES).max(TILE_MIN).trailing_zeros();
+        Ok(Layout { faces, slots, slot_count, size, tile_log2 })
+    }
+
+    /// Tiles of a side, by their logarithm.
+    #[inline(always)]
+    pub const fn tiles_log2(&self) -> u32 {
+        self.size.trailing_zeros() - self.tile_log2
+    }
+
+    /// Number of tiles of all squares.
+    pub fn tile_count(&self) -> u32 {
+        self.slot_count << (2 * self.tiles_log2())
+    }
+
+    /// Number of texels of all squares.
+    pub fn texel_count(&self) -> u64 {
+        u64::from(self.slot_count) * u64::from(self.size) * u64::from(self.size)
+    }
+}
+
+/// Lays out the squares, a lane a face.
+struct Squares {
+    bounds: Records<FaceBounds>,
+    /// Texels of a side within the margins.
+    inside: f32,
+    margin: f32,
+    faces: Columns<MapFace>,
+    slots: Columns<MapSlot>,
+    /// Where the number of squares goes.
+    count: lrbsim_isa::Addr,
+}
+
+impl Kernel for Squares {
+    #[inline(always)]
+    fn run<V: Vpu>(&self, v: &mut V, only: V::S32) {
+        let lane = v.viota();
+        let line = v.vset_i32(words::<FaceBounds>() as i32);
+        let none = v.vset_i32(0);
+        let one = v.vset_i32(1);
+        let (zero, half) = (v.vset_f32(0.0), v.vset_f32(0.5));
+        let faces = v.s_imm((1 << FACES) - 1);
+        let faces = v.kmov_from_scalar(faces);
+        let at = int!(v, lane * line);
+        let count = v.vgather_i32_or(none, faces, self.bounds.field(field!(FaceBounds.count)), at);
+        let seen = v.vicmp_gt_masked(faces, count, none);
+
+        let inside = v.vset_f32(self.inside);
+        let margin = v.vset_f32(self.margin);
+        for axis in 0..2 {
+            let mut bound = |number: usize| {
+                v.vgather_f32_or(zero, seen, self.bounds.field(field!(FaceBounds.least[number])), at)
+            };
+            let (low, minus_high) = (bound(2 * axis), bound(2 * axis + 1));
+            let high = v.vsub(zero, minus_high);
+            let extent = extent(v, low, high);
+            let per_unit = math::div(v, inside, extent);
+            let unit = math::div(v, extent, inside);
+            let middle = v.vadd(low, high);
+            let middle = v.vmul(middle, half);
+            let origin = v.vnmadd(extent, half, middle);
+            let origin = v.vnmadd(margin, unit, origin);
+            self.store(v, seen, field!(MapFace.origin[axis]), origin);
+            self.store(v, seen, field!(MapFace.per_unit[axis]), per_unit);
+            self.store(v, seen, field!(MapFace.unit[axis]), unit);
+        }
+
+        let is_seen = v.vblend_i32(seen, one, none);
+        let through = scan::running_sums(v, is_seen, lane, none);
+        let slot = int!(v, through - one);
+        let slot = v.vblend_i32(seen, slot, none);
+        v.vstore_i32(faces, self.faces.column(field!(MapFace.slot)), only, slot);
+        v.vscatter_i32(seen, self.slots.column(field!(MapSlot.face)), slot, lane);
+        let total = v.vextract(through, FACES - 1);
+        v.s_store(self.count, only, total);
+    }
+}
+
+impl Squares {
+    /// Stores a parameter of the faces in `live`.
+    #[inline(always)]
+    fn store<V: Vpu>(&self, v: &mut V, live: V::Mask, field: Field<MapFace, f32>, value: V::F32) {
+        let first = v.s_imm(0);
+        v.vstore_f32(live, self.faces.column(field), first, value);
+    }
+}

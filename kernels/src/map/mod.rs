@@ -1,0 +1,82 @@
+//! What methods with a regular shadow map share: a picture of the scene from the middle of the light, of one reciprocal depth a
+//! texel [williams78].
+//!
+//! ```text
+//! receivers ─► bounds ─► layout    a square of texels for each of six faces around the light that sees receivers
+//!                          │
+//! triangles ─► boxes ─► tiles      lists of the triangles that may cover texels of a tile
+//!                          │
+//!                         draw     texels of a tile, 16 side by side, the nearest triangle stays
+//!                          │
+//!                         look     what a texel says of a receiver
+//! ```
+//!
+//! A tile is a sixteenth of a side: its texels lie one after the other and stay in the L2 of the core that draws them, and
+//! no two tasks write one texel. Reciprocal depth is linear on the image plane, so that nothing is divided for a texel;
+//! farther than everything is 0.
+
+pub mod layout;
+pub mod tiles;
+pub mod draw;
+pub mod look;
+
+use lrbsim_isa::{Addr, Phase, Runner, Stopped};
+use lrbsim_workloads::ShadowInput;
+
+use crate::irregular::primitives::TriangleRecord;
+use crate::irregular::receivers::Receivers;
+use crate::irregular::triangles;
+use crate::record::Records;
+use crate::scene::Scene;
+use layout::Layout;
+
+/// The phase in which triangles get their records and the map its layout.
+pub const SETUP: Phase =
+    Phase { id: "setup", title: "triangle records and map layout", in_paper_total: false };
+/// The phase in which triangles are sorted to the tiles of the map.
+pub const TILES: Phase = Phase { id: "tiles", title: "binning to tiles", in_paper_total: false };
+/// The phase in which the map is drawn.
+pub const DRAW: Phase = Phase { id: "draw", title: "shadow map", in_paper_total: false };
+
+/// A shadow map with all that is looked up in it.
+#[derive(Clone, Copy)]
+pub struct DepthMap {
+    /// Where texels lie.
+    pub layout: Layout,
+    /// Reciprocal depth of the texels, tile by tile; 0 where the light sees nothing.
+    pub texels: Addr,
+    /// Greatest reciprocal depth of each tile: what is nearest to the light.
+    pub nearest: Addr,
+    /// Records of the triangles.
+    pub triangles: Records<TriangleRecord>,
+    /// Number of triangles.
+    pub triangle_count: u32,
+    /// The receivers that the map is laid out for.
+    pub receivers: Receivers,
+}
+
+impl DepthMap {
+    /// Draws the map of a frame: `size` texels a side, a power of two from 128 on, of which `margin` on every side lie outside of
+    /// the bounds of all receivers.
+    pub fn draw(
+        input: &ShadowInput,
+        size: u32,
+        margin: u32,
+        runner: &mut Runner<'_>,
+    ) -> Result<DepthMap, Stopped> {
+        let scene = Scene::uncut(input, runner.arena);
+        let receivers = Receivers::new(input, runner.arena);
+
+        runner.phase(&SETUP);
+        let triangles = triangles::record(&scene, 0.0, None, runner)?;
+        let layout = Layout::build(&receivers, size, margin, runner)?;
+
+        runner.phase(&TILES);
+        let tiles = tiles::sort(&scene, triangles, &layout, input.largest, runner)?;
+
+        runner.phase(&DRAW);
+        let (texels, nearest) = draw::draw(&layout, triangles, &tiles, runner)?;
+        let triangle_count = scene.triangle_count;
+        Ok(DepthMap { layout, texels, nearest, triangles, triangle_count, receivers })
+    }
+}

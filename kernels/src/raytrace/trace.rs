@@ -1,0 +1,412 @@
+//! Packets of 16 shadow rays through the tree, one a receiver.
+//!
+//! Receivers of a packet are neighbors in the picture and aim at neighbors on the light, so that their rays visit much the same
+//! nodes. A packet visits a node that any of its rays needs; rays that have hit something are masked off.
+
+#![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
+
+use core::f64::consts::TAU;
+
+use lrbsim_isa::{Addr, Arena, Compare, Kernel, Runner, Step, Stopped, Vpu, math};
+use lrbsim_workloads::Outline;
+use lrbsim_workloads::glam::DVec2;
+
+use super::tree::{LEAF, Node, RayTriangle, Tree};
+use crate::clear;
+use crate::columns::{Columns, lanes_below, lower, task_range};
+use crate::expression::{each, int, scalar};
+use crate::field;
+use crate::irregular::primitives::LightConstants;
+use crate::irregular::receivers::{Receiver, Receivers};
+use crate::light::View;
+use crate::plane::{Vec3, dot, sub};
+use crate::record::Record;
+use crate::scene::fill;
+use crate::segment::Vec2;
+
+/// Packets of a task at most.
+const PACKETS: u32 = 4;
+
+/// Receivers of a task that resolves.
+const TASK: u32 = 256;
+
+/// Directions that the pattern of rays is turned to, from pixel to pixel.
+const TURNS: u32 = 256;
+
+/// Least component of a ray's direction: what is less is taken for it, since boxes are met by dividing.
+const COMPONENT_MIN: f32 = 1e-18;
+
+/// A ray of the pattern: the direction of its place on a disc; its place in the unit square on other lights.
+#[repr(C)]
+struct PatternRay {
+    place: [f32; 2],
+}
+
+/// A direction that the pattern is turned to.
+#[repr(C)]
+struct Turn {
+    direction: [f32; 2],
+}
+
+/// The rays to a light.
+#[derive(Clone, Copy)]
+pub struct Rays {
+    light: LightConstants,
+    /// Number of rays of a receiver.
+    count: u32,
+    pattern: Columns<PatternRay>,
+    turns: Columns<Turn>,
+}
+
+impl Rays {
+    /// Puts the pattern of `count` rays into the arena, untimed: constants of the program.
+    pub fn new(arena: &mut Arena, light: &LightConstants, count: u32) -> Rays {
+        let golden = core::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
+        let even = |k: u32| f64::from(k) / f64::from(count);
+        let reversed = |k: u32| f64::from(k.reverse_bits()) / 4_294_967_296.0;
+        let places = (0..count).map(|k| match light.shape.outline() {
+            Outline::Disc => DVec2::from_angle(f64::from(k) * golden),
+            Outline::Square => DVec2::new(even(k), reversed(k)),
+            Outline::Line => DVec2::new(even(k), 0.0),
+        });
+        let directions = (0..TURNS).map(|k| DVec2::from_angle(TAU * f64::from(k) / f64::from(TURNS)));
+        let pattern = Columns::overwritten(arena, count);
+        let turns = Columns::overwritten(arena, TURNS);
+        let bits = |x: f64| (x as f32).to_bits();
+        for axis in 0..2 {
+            fill(
+                arena,
+                pattern.column(field!(PatternRay.place[axis])),
+                places.clone().map(|p| bits(p[axis])),
+            );
+            fill(
+                arena,
+                turns.column(field!(Turn.direction[axis])),
+                directions.clone().map(|p| bits(p[axis])),
+            );
+        }
+        Rays { light: *light, count, pattern, turns }
+    }
+
+    /// Where ray `number` of 16 receivers meets the light, in radii or half sides: rings of equal areas, or strips. `random`: two
+    /// numbers in [0, 1) and a direction for each receiver.
+    #[inline(always)]
+    fn place<V: Vpu>(&self, v: &mut V, number: V::S32, random: &Random<V>) -> Vec2<V> {
+        let [x, y] = each!(axis in [0, 1] => v.vbroadcast_f32(self.pattern.column(field!(PatternRay.place[axis])), number));
+        let per_count = v.vset_f32(1.0 / self.count as f32);
+        match self.light.shape.outline() {
+            Outline::Disc => {
+                let number = v.vsplat(number);
+                let number = v.vcvt_i32_f32(number);
+                let part = v.vadd(number, random.parts[0]);
+                let part = v.vmul(part, per_count);
+                let radius = math::sqrt(v, part);
+                let [cos, sin] = random.turn;
+                let y_sin = v.vmul(y, sin);
+                let y_cos = v.vmul(y, cos);
+                let turned = [v.vmsub(x, cos, y_sin), v.vmadd(x, sin, y_cos)];
+                each!(axis in [0, 1] => v.vmul(turned[axis], radius))
+            }
+            outline => {
+                let (one, two) = (v.vset_f32(1.0), v.vset_f32(2.0));
+                let shift = if outline == Outline::Square {
+                    random.parts[0]
+                } else {
+                    v.vmul(random.parts[0], per_count)
+                };
+                let shifts = [shift, random.parts[1]];
+                let shifted = each!(axis in [0, 1] => {
+                    let place = [x, y][axis];
+                    let place = v.vadd(place, shifts[axis]);
+                    let whole = v.vfloor(place);
+                    let part = v.vsub(place, whole);
+                    v.vmsub(part, two, one)
+                });
+                if outline == Outline::Square { shifted } else { [shifted[0], v.vset_f32(0.0)] }
+            }
+        }
+    }
+}
+
+/// What is drawn by lot for 16 receivers, by their pixels.
+struct Random<V: Vpu> {
+    parts: [V::F32; 2],
+    turn: Vec2<V>,
+}
+
+/// Traces all rays: visible part of the light by pixel to `visibility`.
+pub(super) fn trace(
+    tree: &Tree,
+    receivers: Receivers,
+    rays: Rays,
+    visibility: Addr,
+    runner: &mut Runner<'_>,
+) -> Result<(), Stopped> {
+    let [hidden] = clear::zeroed(runner, [u64::from(receivers.count) + 16])?;
+    let rays_of_task = rays.count.min(PACKETS);
+    let vectors_of_task = PACKETS / rays_of_task;
+    let groups_log2 = rays.count.div_ceil(rays_of_task).next_power_of_two().trailing_zeros();
+    let kernel = Trace { tree: *tree, receivers, rays, rays_of_task, vectors_of_task, groups_log2, hidden };
+    let tasks = receivers.count.div_ceil(16 * vectors_of_task) << groups_log2;
+    // SAFETY: all tasks of a receiver add to its count, in any order.
+    runner.run(&unsafe { Step::independent("trace", tasks, kernel) })?;
+    let kernel = Resolve { receivers, rays: rays.count, hidden, visibility };
+    // SAFETY: each task writes the pixels of its own receivers.
+    runner.run(&unsafe { Step::independent("resolve", receivers.count.div_ceil(TASK), kernel) })
+}
+
+/// Traces some rays of some receivers.
+struct Trace {
+    tree: Tree,
+    receivers: Receivers,
+    rays: Rays,
+    rays_of_task: u32,
+    /// Vectors of receivers of a task.
+    vectors_of_task: u32,
+    /// Tasks that share the rays of the same receivers, by their logarithm.
+    groups_log2: u32,
+    /// Rays of each receiver that have hit something.
+    hidden: Addr,
+}
+
+/// Sixteen rays.
+pub struct Packet<V: Vpu> {
+    /// Where the rays begin, light-centred.
+    origin: Vec3<V>,
+    /// From there to the light, as far as it is.
+    direction: Vec3<V>,
+    /// One over its components.
+    inverse: Vec3<V>,
+    /// The origin times these.
+    offset: Vec3<V>,
+    /// Triangles that the rays begin on.
+    own: V::I32,
+}
+
+impl Kernel for Trace {
+    #[inline(always)]
+    fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
+        let Trace { rays, receivers, .. } = self;
+        let groups_log2 = self.groups_log2 as i32;
+        let part = scalar!(v, task >> { groups_log2 });
+        let number = scalar!(v, (task & { (1 << groups_log2) - 1 }) * { self.rays_of_task as i32 });
+        let end_number = scalar!(v, number + { self.rays_of_task as i32 });
+        let count = v.s_imm(rays.count as i32);
+        let end_number = lower(v, end_number, count);
+        let (mut i, end) = task_range(v, part, 16 * self.vectors_of_task, receivers.count);
+        let per_radius = v.vset_f32(1.0 / rays.light.radius);
+        let one = v.vset_f32(1.0);
+        let none = v.vset_i32(0);
+        let lane = v.viota();
+        while v.branch(Compare::Less, i, end) {
+            let live = lanes_below(v, i, end);
+            let columns = receivers.columns;
+            let origin = each!(axis in [0, 1, 2] => {
+                v.vload_f32_or(one, live, columns.column(field!(Receiver.position[axis])), i)
+            });
+            let own = v.vload_i32_or(none, live, columns.column(field!(Receiver.triangle)), i);
+            let view = View::new(v, &rays.light.shape, origin, per_radius);
+            let random = self.random(v, live, i);
+            let mut hidden = none;
+            let mut ray = number;
+            while v.branch(Compare::Less, ray, end_number) {
+                let target = if rays.light.is_soft() {
+                    let place = rays.place(v, ray, &random);
+                    view.point(v, place, rays.light.radius)
+                } else {
+                    let middle = v.vset_f32(0.0);
+                    [middle; 3]
+                };
+                let packet = packet(v, origin, target, own);
+                let hits = self.hits(v, live, &packet);
+                let one = v.vset_i32(1);
+                hidden = v.viadd_or(hidden, hits, hidden, one);
+                ray = scalar!(v, ray + 1);
+            }
+            let some = v.vicmp_neq_masked(live, hidden, none);
+            if v.branch_any(some) {
+                let receiver = v.vsplat(i);
+                let receiver = int!(v, receiver + lane);
+                v.vatomic_add_or(none, some, self.hidden, receiver, hidden);
+            }
+            i = scalar!(v, i + 16);
+        }
+    }
+}
+
+/// Rays from `origin` to `target`, light-centred, that begin on the triangles of the numbers `own`.
+#[inline(always)]
+pub fn packet<V: Vpu>(v: &mut V, origin: Vec3<V>, target: Vec3<V>, own: V::I32) -> Packet<V> {
+    let direction = sub(v, target, origin);
+    let least = v.vset_f32(COMPONENT_MIN);
+    let inverse = each!(axis in [0, 1, 2] => {
+        let size = v.vabs(direction[axis]);
+        let is_least = v.vcmp_lt(size, least);
+        let component = v.vblend_f32(is_least, least, direction[axis]);
+        v.vrcp(component)
+    });
+    let offset = each!(axis in [0, 1, 2] => v.vmul(origin[axis], inverse[axis]));
+    Packet { origin, direction, inverse, offset, own }
+}
+
+impl Trace {
+    /// What is drawn by lot for the 16 receivers from `i` on.
+    #[inline(always)]
+    fn random<V: Vpu>(&self, v: &mut V, live: V::Mask, i: V::S32) -> Random<V> {
+        let none = v.vset_i32(0);
+        let zero = v.vset_f32(0.0);
+        let pixel = v.vload_i32_or(none, live, self.receivers.columns.column(field!(Receiver.pixel)), i);
+        // Two sequences of the plastic number, one of the golden section: all by the pixel.
+        let eight = v.vset_i32(8);
+        let unit = v.vset_f32(1.0 / (1 << 24) as f32);
+        let parts = each!(factor in [0xc13f_a9a9_u32, 0x91e1_0da5_u32] => {
+            let factor = v.vset_i32(factor as i32);
+            let bits = int!(v, (pixel * factor) >> eight);
+            let part = v.vcvt_i32_f32(bits);
+            v.vmul(part, unit)
+        });
+        let golden = v.vset_i32(0x9e37_79b9_u32 as i32);
+        let shift = v.vset_i32(32 - TURNS.trailing_zeros() as i32);
+        let turn = int!(v, (pixel * golden) >> shift);
+        let turn = each!(axis in [0, 1] => {
+            v.vgather_f32_or(zero, live, self.rays.turns.column(field!(Turn.direction[axis])), turn)
+        });
+        Random { parts, turn }
+    }
+
+    /// The rays of `live` that hit something. Depth first through the tree; a node's successor is known by its number.
+    #[inline(always)]
+    fn hits<V: Vpu>(&self, v: &mut V, live: V::Mask, packet: &Packet<V>) -> V::Mask {
+        let tree = &self.tree;
+        let root = v.s_imm(1);
+        let first_leaf = v.s_imm(tree.leaves as i32);
+        let ones = v.s_imm(-1);
+        let mut searching = live;
+        let mut node = root;
+        loop {
+            let record = tree.nodes.record(v, node);
+            let meets = meets(v, searching, packet, record);
+            let is_met = v.branch_any(meets);
+            if is_met && v.branch(Compare::Less, node, first_leaf) {
+                node = scalar!(v, node << 1);
+                continue;
+            }
+            if is_met {
+                let mut at = scalar!(v, (node - first_leaf) << { LEAF.trailing_zeros() as i32 });
+                let end = scalar!(v, at + { LEAF as i32 });
+                while v.branch(Compare::Less, at, end) {
+                    let triangle = tree.triangles.record(v, at);
+                    let hit = hit(v, meets, packet, triangle);
+                    searching = v.kandn(hit, searching);
+                    at = scalar!(v, at + 1);
+                }
+                if !v.branch_any(searching) {
+                    break;
+                }
+            }
+            // Up as long as it is a right child, then to the right: the root comes after the last.
+            let left_bits = v.s_xor(node, ones);
+            let levels = v.s_tzcnt(left_bits);
+            node = scalar!(v, (node >> levels) + 1);
+            if v.branch(Compare::Equal, node, root) {
+                break;
+            }
+        }
+        v.kandn(searching, live)
+    }
+}
+
+/// The rays of `live` that meet a box between their ends.
+#[inline(always)]
+fn meets<V: Vpu>(v: &mut V, live: V::Mask, packet: &Packet<V>, node: Record<V, Node>) -> V::Mask {
+    let low = node.vec3(v, field!(Node.low));
+    let high = node.vec3(v, field!(Node.high));
+    let (mut enter, mut leave) = (v.vset_f32(0.0), v.vset_f32(1.0));
+    for axis in 0..3 {
+        let at_low = v.vmsub(low[axis], packet.inverse[axis], packet.offset[axis]);
+        let at_high = v.vmsub(high[axis], packet.inverse[axis], packet.offset[axis]);
+        let first = v.vmin(at_low, at_high);
+        let last = v.vmax(at_low, at_high);
+        enter = v.vmax(enter, first);
+        leave = v.vmin(leave, last);
+    }
+    v.vcmp_le_masked(live, enter, leave)
+}
+
+/// The rays of `live` that hit a triangle between their ends [moeller97], without a division. 57 operations.
+#[inline(always)]
+pub fn hit<V: Vpu>(
+    v: &mut V,
+    live: V::Mask,
+    packet: &Packet<V>,
+    triangle: Record<V, RayTriangle>,
+) -> V::Mask {
+    let corner = triangle.vec3(v, field!(RayTriangle.corner));
+    let side = triangle.vec3(v, field!(RayTriangle.sides[0]));
+    let other = triangle.vec3(v, field!(RayTriangle.sides[1]));
+    let zero = v.vset_f32(0.0);
+    let across = cross(v, packet.direction, other);
+    let volume = dot(v, side, across);
+    let from = sub(v, packet.origin, corner);
+    let along_side = dot(v, from, across);
+    let over = cross(v, from, side);
+    let along_other = dot(v, packet.direction, over);
+    let distance = dot(v, other, over);
+    // All four have the sign of the side that the ray comes from.
+    let sign_bit = v.vset_i32(i32::MIN);
+    let sign = v.bits_of(volume);
+    let sign = v.vand(sign, sign_bit);
+    let [along_side, along_other, distance] = each!(x in [along_side, along_other, distance] => {
+        let bits = v.bits_of(x);
+        let bits = v.vxor(bits, sign);
+        v.from_bits(bits)
+    });
+    let volume = v.vabs(volume);
+    let inside = v.vcmp_ge_masked(live, along_side, zero);
+    let inside = v.vcmp_ge_masked(inside, along_other, zero);
+    let both = v.vadd(along_side, along_other);
+    let inside = v.vcmp_le_masked(inside, both, volume);
+    let slack = triangle.float(v, field!(RayTriangle.slack));
+    let inside = v.vcmp_gt_masked(inside, distance, slack);
+    let inside = v.vcmp_lt_masked(inside, distance, volume);
+    let number = triangle.number(v, field!(RayTriangle.number));
+    v.vicmp_neq_masked(inside, number, packet.own)
+}
+
+/// The cross product `a x b` in every lane, with fused operations.
+#[inline(always)]
+fn cross<V: Vpu>(v: &mut V, a: Vec3<V>, b: Vec3<V>) -> Vec3<V> {
+    each!(axis in [0, 1, 2] => {
+        let (j, k) = ((axis + 1) % 3, (axis + 2) % 3);
+        let right = v.vmul(a[k], b[j]);
+        v.vmsub(a[j], b[k], right)
+    })
+}
+
+/// Turns counts into visible parts of the light.
+struct Resolve {
+    receivers: Receivers,
+    /// Rays of a receiver.
+    rays: u32,
+    hidden: Addr,
+    visibility: Addr,
+}
+
+impl Kernel for Resolve {
+    #[inline(always)]
+    fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
+        let (mut i, end) = task_range(v, task, TASK, self.receivers.count);
+        let rays = v.vset_f32(self.rays as f32);
+        let one = v.vset_f32(1.0);
+        while v.branch(Compare::Less, i, end) {
+            let live = lanes_below(v, i, end);
+            let hidden = v.vload_i32(self.hidden, i);
+            let hidden = v.vcvt_i32_f32(hidden);
+            let hidden = math::div(v, hidden, rays);
+            let visible = v.vsub(one, hidden);
+            let pixel = v.vload_i32(self.receivers.columns.column(field!(Receiver.pixel)), i);
+            v.vscatter_f32(live, self.visibility, pixel, visible);
+            i = scalar!(v, i + 16);
+        }
+    }
+}

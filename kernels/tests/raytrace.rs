@@ -1,0 +1,131 @@
+//! Ray tracing on the machine: the order along the curve, the tree, single rays, and pictures.
+
+mod common;
+
+use common::{On, draw, input, random_scene, same_on_all_back_ends, shipped, sphere};
+use lrbsim_isa::HostSimd;
+use lrbsim_kernels::raytrace::Raytrace;
+use lrbsim_kernels::sism::Sism;
+use lrbsim_workloads::glam::DVec3;
+use lrbsim_workloads::reference::{ErrorMetrics, Truth};
+use lrbsim_workloads::{Adjacency, EyeView, Light, Scene, ShadowInput};
+
+fn on() -> On {
+    On::Host(HostSimd::detect(), 2)
+}
+
+/// Whether a ray from a receiver to the middle of the light hits a triangle, in f64; `None` where it passes a border too closely
+/// to tell.
+fn hits(input: &ShadowInput, receiver: usize) -> Option<bool> {
+    let p = DVec3::from(input.receivers[receiver].map(f64::from));
+    let own = input.receiver_triangle[receiver];
+    let mut hit = false;
+    for (number, triangle) in input.triangles.iter().enumerate() {
+        let [a, b, c] = triangle.map(|v| DVec3::from(input.vertices[v as usize].map(f64::from)));
+        let normal = (b - a).cross(c - a);
+        if number as u32 == own || normal == DVec3::ZERO {
+            continue;
+        }
+        let t = (a - p).dot(normal) / -p.dot(normal);
+        let at = p - p * t;
+        let inside = [(a, b), (b, c), (c, a)]
+            .map(|(s, e)| (e - s).cross(at - s).dot(normal) / normal.length_squared());
+        let least = inside.into_iter().fold(f64::INFINITY, f64::min);
+        if least.abs() < 1e-4 && (-0.1..1.1).contains(&t)
+            || t.abs() < 1e-4 && least > -0.1
+            || (t - 1.0).abs() < 1e-4
+        {
+            return None;
+        }
+        hit |= least > 0.0 && (0.0..1.0).contains(&t);
+    }
+    Some(hit)
+}
+
+#[test]
+fn rays_to_a_point_hit_what_they_hit_in_f64() {
+    let (mut compared, mut shadowed) = (0, 0);
+    for seed in 0..24 {
+        let (mesh, receivers) = random_scene(seed, 400);
+        let input = input(mesh, sphere(0.0), &receivers);
+        let ours = draw(&Raytrace, "", &input, on()).visibility;
+        for (receiver, visible) in ours.iter().enumerate() {
+            if let Some(hit) = hits(&input, receiver) {
+                assert_eq!(*visible == 0.0, hit, "seed {seed}, receiver {receiver}");
+                compared += 1;
+                shadowed += usize::from(hit);
+            }
+        }
+    }
+    assert!(compared > 5000 && shadowed > 1000, "{shadowed} of {compared}");
+}
+
+/// `scene` under a point in the middle of its light.
+fn under_a_point(scene: &Scene, eye: &EyeView) -> ShadowInput {
+    let scene = Scene { light: Light::Point { center: scene.light.center() }, ..scene.clone() };
+    ShadowInput::new(&scene, &Adjacency::new(&scene.mesh), eye)
+}
+
+#[test]
+fn under_a_point_it_draws_the_hard_shadow_but_for_ties() {
+    for name in ["tiny", "table", "saloon-small"] {
+        let (scene, eye, _) = shipped(name, Some((160, 120)));
+        let input = under_a_point(&scene, &eye);
+        let rays = draw(&Raytrace, "", &input, on()).visibility;
+        let hard = draw(&Sism, "", &input, on()).visibility;
+        let off = rays.iter().zip(&hard).filter(|(a, b)| a != b).count();
+        println!("{name}: {off} of {} differ", rays.len());
+        assert!(off * 2000 <= rays.len(), "{name}: {off} of {} differ", rays.len());
+    }
+}
+
+#[test]
+fn its_error_falls_with_the_number_of_rays_to_the_three_quarters() {
+    let (mut scene, eye, _) = shipped("tiny", Some((160, 120)));
+    let adjacency = Adjacency::new(&scene.mesh);
+    let (center, radius) = (scene.light.center(), scene.light.radius());
+    let (half_u, half_v) = (DVec3::new(1.0, 0.2, 0.1) * radius, DVec3::new(0.1, 0.0, 0.5) * radius);
+    for light in [
+        scene.light,
+        Light::Disc { center, normal: DVec3::new(0.2, 1.0, 0.1), radius },
+        Light::Rect { center, half_u, half_v },
+        Light::Linear { p0: center - half_u, p1: center + half_u },
+    ] {
+        scene.light = light;
+        let truth = Truth::new(&scene.mesh, &light, &eye, 4096, &|| ()).visibility();
+        let input = ShadowInput::new(&scene, &adjacency, &eye);
+        let error = |rays: u32| {
+            let ours = draw(&Raytrace, &format!("rays={rays}"), &input, on()).visibility;
+            let ours: Vec<f64> = ours.into_iter().map(f64::from).collect();
+            let metrics = ErrorMetrics::new(&truth, &ours);
+            println!("{light:?}, {rays}: {metrics:?}");
+            assert!(metrics.bias.abs() < 0.05 * metrics.atty_mae + 1e-3, "{light:?}, {rays}: {metrics:?}");
+            metrics.atty_mae
+        };
+        let (few, many) = (error(4), error(256));
+        let exponent = (few / many).ln() / 64.0_f64.ln();
+        println!("{light:?}: error falls with the {exponent:.3}");
+        assert!((0.65..1.1).contains(&exponent), "{light:?}: {exponent}");
+    }
+}
+
+#[test]
+fn rays_see_a_light_that_triangles_cut() {
+    // A level sheet through the middle of the light hides the half of it that is on the other side.
+    let corners = [(-9.0, -9.0), (-9.0, 9.0), (9.0, 9.0), (9.0, -9.0)].map(|(x, z)| DVec3::new(x, 0.0, z));
+    let mesh = common::polygons(&[corners.to_vec()]);
+    let receivers: Vec<(DVec3, u32)> =
+        (0..256).map(|k| (DVec3::new(4.0, 0.0, f64::from(k) * 1e-3), u32::MAX)).collect();
+    let above: Vec<_> = receivers.iter().map(|(p, own)| (*p + DVec3::Y * 0.4, *own)).collect();
+    let visible = draw(&Raytrace, "rays=64", &input(mesh, sphere(0.5), &above), on()).visibility;
+    let mean = visible.iter().sum::<f32>() / visible.len() as f32;
+    assert!((mean - 0.5).abs() < 0.02, "{mean}");
+}
+
+#[test]
+fn ray_tracing_is_the_same_on_all_back_ends_and_its_tasks_are_short() {
+    let (_, _, input) = shipped("tiny", Some((120, 90)));
+    for rays in ["rays=1", "rays=2", "rays=3", "rays=16"] {
+        same_on_all_back_ends(&Raytrace, rays, &input);
+    }
+}
