@@ -47,7 +47,11 @@ fn an_unknown_name_lists_the_known_ones() {
     let folder = Folder::new();
     refused(&folder, &["salon-small"], &["`salon-small` is no scene", "did you mean `saloon-small`?"]);
     refused(&folder, &["tiny", "-m", "larrabee"], &["`larrabee` is no machine", "larrabee-24"]);
-    refused(&folder, &["tiny", "-a", "sism2"], &["`sism2` is no algorithm; it must be `sism`"]);
+    refused(
+        &folder,
+        &["tiny", "-a", "sism2"],
+        &["`sism2` is no algorithm; it must be `sism`, `hard`, `shadow-map`, `pcss` or `raytrace`"],
+    );
     refused(
         &folder,
         &["tiny", "-a", "sism:form=round"],

@@ -161,10 +161,29 @@ pub const ERROR_COLORS: [[[u8; 3]; 9]; 2] = [
 /// # Panics
 /// When a slice has not `width * height` values.
 pub fn error_png(width: u32, height: u32, visibility: &[f32], truth: &[f32]) -> Vec<u8> {
+    rgb_png(width, height, &error_rgb(width, height, visibility, truth))
+}
+
+/// The pixels of [`error_png`]: red, green and blue, 8 bits each.
+///
+/// # Panics
+/// When a slice has not `width * height` values.
+pub fn error_rgb(width: u32, height: u32, visibility: &[f32], truth: &[f32]) -> Vec<u8> {
     assert_eq!((visibility.len(), truth.len()), (pixels(width, height), pixels(width, height)));
     let color = |(test, truth): (&f32, &f32)| if test.is_nan() { [90; 3] } else { error_color(test - truth) };
-    let rgb: Vec<u8> = visibility.iter().zip(truth).flat_map(color).collect();
-    rgb_png(width, height, &rgb)
+    visibility.iter().zip(truth).flat_map(color).collect()
+}
+
+/// Red, green and blue, 8 bits each, as a PNG of at most `most` pixels a side: a larger picture is averaged down.
+///
+/// # Panics
+/// When the slice has not `3 * width * height` values.
+pub fn small_png(width: u32, height: u32, rgb: Vec<u8>, most: u32) -> Vec<u8> {
+    let picture = image::RgbImage::from_raw(width, height, rgb).expect("3 * width * height values");
+    let part = (f64::from(most) / f64::from(width.max(height))).min(1.0);
+    let side = |pixels: u32| ((f64::from(pixels) * part).round() as u32).max(1);
+    let small = image::imageops::thumbnail(&picture, side(width), side(height));
+    rgb_png(small.width(), small.height(), small.as_raw())
 }
 
 fn error_color(error: f32) -> [u8; 3] {
@@ -239,6 +258,17 @@ mod tests {
         let sum = |x: u32| pixel(x).iter().map(|c| u32::from(*c)).sum::<u32>();
         assert!(sum(0) < sum(1) && sum(1) < sum(2) && pixel(2)[2] > pixel(2)[0], "too dark is blue");
         assert!(pixel(3)[0] > pixel(3)[2], "too light is orange");
+    }
+
+    #[test]
+    fn a_small_picture_has_the_mean_of_a_large_one() {
+        let rgb: Vec<u8> =
+            (0..400_u32).flat_map(|i| if i % 2 == 0 { [200, 100, 0] } else { [0; 3] }).collect();
+        let small = image::load_from_memory(&small_png(20, 20, rgb.clone(), 10)).expect("a PNG").to_rgb8();
+        assert_eq!(small.dimensions(), (10, 10));
+        assert!(small.pixels().all(|pixel| pixel.0[0].abs_diff(100) < 3 && pixel.0[2] == 0));
+        let same = image::load_from_memory(&small_png(20, 20, rgb.clone(), 320)).expect("a PNG").to_rgb8();
+        assert_eq!(same.into_raw(), rgb);
     }
 
     #[test]

@@ -217,7 +217,8 @@ pub struct Lanes {
     pub masked: u64,
 }
 
-/// The frame as a whole. `paper_*` count only the phases that the published totals contain.
+/// The frame as a whole. `paper_*` count only the phases that the published totals contain; a method that has none of them has no
+/// such numbers.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Total {
@@ -312,7 +313,9 @@ impl Total {
         };
         let ms = |cycles: Option<u64>| cycles.map(|cycles| milliseconds(cycles, clock_ghz));
         let fps = |ms: Option<f64>| ms.filter(|ms| *ms > 0.0).map(|ms| 1e3 / ms);
-        let (all, paper) = (cycles(false), if cycles(false).is_some() { cycles(true) } else { None });
+        let all = cycles(false);
+        let is_of_paper = phases.iter().any(|phase| phase.in_paper_total);
+        let paper = if all.is_some() && is_of_paper { cycles(true) } else { None };
         Total {
             cycles: all,
             ms: ms(all),

@@ -64,6 +64,9 @@ pub struct Base {
     /// Shadow rays a receiver that each picture is judged by, as `--reference` takes them; none if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reference: Option<u32>,
+    /// Whether each point keeps small pictures, which the page shows side by side.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub pictures: bool,
     /// Further changes of the base run: paths as in axes.
     pub set: BTreeMap<String, Value>,
 }
@@ -77,6 +80,7 @@ impl Default for Base {
             fidelity: "windowed".to_owned(),
             warm_frames: 0,
             reference: None,
+            pictures: false,
             set: BTreeMap::new(),
         }
     }
@@ -170,6 +174,10 @@ pub struct Analysis {
     /// What the analysis measures: a path in the report. The study's metric if left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub y: Option<String>,
+    /// An axis for each of whose values the front of a `pareto` analysis is drawn by itself: points of two scenes do not beat each
+    /// other.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub each: Option<String>,
 }
 
 /// An analysis that can be made of the results of a study.
@@ -192,7 +200,7 @@ impl AnalysisEntry {
     /// The analysis with its options.
     pub fn options(&self) -> Analysis {
         match self {
-            AnalysisEntry::Name(kind) => Analysis { kind: *kind, x: None, y: None },
+            AnalysisEntry::Name(kind) => Analysis { kind: *kind, x: None, y: None, each: None },
             AnalysisEntry::Options(analysis) => analysis.clone(),
         }
     }
@@ -226,6 +234,19 @@ pub struct StudyPoint {
     pub error: Option<String>,
     /// What was measured at the point; the sources of the machine's numbers are left out.
     pub report: Option<RunReport>,
+    /// Small pictures of the point, where the study asks for them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pictures: Option<PointPictures>,
+}
+
+/// Small pictures of a point, each a PNG in base 64 (RFC 4648, §4).
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PointPictures {
+    /// The frame as a viewer sees it.
+    pub shaded: String,
+    /// Where it differs from the reference, as [`crate::picture::error_png`] draws it; `None` where there is none.
+    pub difference: Option<String>,
 }
 
 /// What a study cost the hosts that ran it: `host.json` beside `study.json`, which it is no part of.

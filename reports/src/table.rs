@@ -23,12 +23,12 @@ pub fn render(report: &RunReport) -> String {
 
     let timed = report.total.cycles.is_some();
     let mut rows = vec![header(timed)];
-    rows.extend(report.phases.iter().map(|phase| row(phase, timed)));
+    rows.extend(report.phases.iter().map(|phase| row(phase, timed, is_of_paper(report))));
     let phase_rows = rows.len();
     rows.extend(totals(report, timed));
     lay_out(&mut text, &rows, phase_rows);
 
-    if report.phases.iter().any(|phase| !phase.in_paper_total) {
+    if is_of_paper(report) && report.phases.iter().any(|phase| !phase.in_paper_total) {
         text.push_str("\n* not in the paper's total, which leaves out the costs of these phases\n");
     }
     if !timed {
@@ -91,8 +91,13 @@ fn header(timed: bool) -> Row {
     titles.iter().map(|title| (*title).to_owned()).collect()
 }
 
-fn row(phase: &PhaseReport, timed: bool) -> Row {
-    let title = format!("{}{}", phase.title, if phase.in_paper_total { "" } else { " *" });
+/// Whether the method is the paper's, so that a total of its phases means something.
+fn is_of_paper(report: &RunReport) -> bool {
+    report.phases.iter().any(|phase| phase.in_paper_total)
+}
+
+fn row(phase: &PhaseReport, timed: bool, is_of_paper: bool) -> Row {
+    let title = format!("{}{}", phase.title, if phase.in_paper_total || !is_of_paper { "" } else { " *" });
     let instructions = millions(phase.instructions.total);
     let lanes = percent(phase.lanes.active_fraction());
     if !timed {
@@ -173,16 +178,23 @@ fn totals(report: &RunReport, timed: bool) -> Vec<Row> {
         report.phases.iter().filter(|phase| phase.in_paper_total).map(|phase| phase.instructions.total).sum();
     let paper_share =
         percent_fine(total.ms.filter(|ms| *ms > 0.0).zip(total.paper_ms).map(|(all, paper)| paper / all));
-    vec![
-        line("total", time(total.ms, total.ms_interval), &percent_fine(Some(1.0)), instructions, total.fps),
-        line(
+    let mut lines = vec![line(
+        "total",
+        time(total.ms, total.ms_interval),
+        &percent_fine(Some(1.0)),
+        instructions,
+        total.fps,
+    )];
+    if is_of_paper(report) {
+        lines.push(line(
             "paper's total",
             number(total.paper_ms, 3),
             &paper_share,
             millions(paper_instructions),
             total.paper_fps,
-        ),
-    ]
+        ));
+    }
+    lines
 }
 
 /// Aligns columns: the first and the last to the left, numbers to the right; a rule below the header and above the totals.

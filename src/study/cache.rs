@@ -18,14 +18,16 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard};
 
+use lrbsim_reports::base64;
 use lrbsim_reports::files::write_with_temporary;
-use lrbsim_reports::picture::sha256;
+use lrbsim_reports::picture::{error_rgb, sha256, shaded_rgb, small_png};
+use lrbsim_reports::study::PointPictures;
 use lrbsim_reports::{HostReport, RunReport};
 use lrbsim_workloads::Scene;
 use serde::{Deserialize, Serialize};
 
 use crate::error::BadInput;
-use crate::frame::{RunOutput, SEMANTICS, scene_hash};
+use crate::frame::{Frame, RunOutput, SEMANTICS, scene_hash};
 use crate::host::{PARTIAL, build, node, partial};
 use crate::results::safe_name;
 use lrbsim_reports::lock::{Lock, is_without_locks};
@@ -59,6 +61,9 @@ pub struct Entry {
     pub host: HostReport,
     /// What was measured at the point, without the sources of the machine's numbers.
     pub report: RunReport,
+    /// Small pictures of the point, where they are asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pictures: Option<PointPictures>,
 }
 
 /// What is known of a finished point without its report.
@@ -95,6 +100,9 @@ pub struct Inputs<'a> {
     /// Rays of the reference, where there is one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reference: Option<u32>,
+    /// Whether the point keeps pictures.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub pictures: bool,
 }
 
 impl Inputs<'_> {
@@ -107,9 +115,9 @@ impl Inputs<'_> {
 }
 
 impl Entry {
-    /// A point that was run, under the key of what its report says was run.
-    pub fn new(output: RunOutput) -> Entry {
-        let RunOutput { mut report, host, .. } = output;
+    /// A point that was run, under the key of what its report says was run; with `pictures`, if asked for.
+    pub fn new(output: RunOutput, pictures: bool) -> Entry {
+        let RunOutput { mut report, host, frame } = output;
         report.machine.sources.clear();
         let provenance = &report.provenance;
         let scene = SceneId { name: report.scene.name.clone(), hash: provenance.scene_hash.clone() };
@@ -120,8 +128,25 @@ impl Entry {
             fidelity: &provenance.fidelity,
             warm_frames: provenance.warm_frames,
             reference: report.image.error.map(|error| error.samples),
+            pictures,
         };
-        Entry { key: inputs.key(), build: build().to_owned(), host, report }
+        let key = inputs.key();
+        let pictures = pictures.then(|| small_pictures(&frame));
+        Entry { key, build: build().to_owned(), host, report, pictures }
+    }
+}
+
+/// Pixels of a side of small pictures.
+const SMALL: u32 = 320;
+
+/// The pictures of a frame that its point keeps.
+fn small_pictures(frame: &Frame) -> PointPictures {
+    let (width, height) = (frame.width, frame.height);
+    let small = |rgb| base64::encode(&small_png(width, height, rgb, SMALL));
+    let of_reference = |truth: &Vec<f32>| small(error_rgb(width, height, &frame.visibility, truth));
+    PointPictures {
+        shaded: small(shaded_rgb(width, height, &frame.visibility, &frame.cosine)),
+        difference: frame.reference.as_ref().map(of_reference),
     }
 }
 
@@ -318,7 +343,7 @@ mod tests {
             reference: None,
             host: HostOptions::default(),
         };
-        let mut entry = Entry::new(run_frame(&request, &Quiet).expect("it runs"));
+        let mut entry = Entry::new(run_frame(&request, &Quiet).expect("it runs"), false);
         entry.key = key.to_owned();
         entry.host.seconds = 1.5;
         entry

@@ -70,14 +70,14 @@ impl StudyOutput {
         let gone =
             || format!("its result is gone from {}; run the study again", self.cache.folder().display());
         let error = error.clone().or_else(|| entry.is_none().then(gone));
-        let (host, report) = match entry {
+        let (host, report, pictures) = match entry {
             Some(entry) => {
                 let host = PointHost { key: entry.key, build: entry.build, host: entry.host };
-                (Some(host), Some(entry.report))
+                (Some(host), Some(entry.report), entry.pictures)
             }
-            None => (None, None),
+            None => (None, None, None),
         };
-        (StudyPoint { values: values.clone(), key: key.clone(), error, report }, host)
+        (StudyPoint { values: values.clone(), key: key.clone(), error, report, pictures }, host)
     }
 
     /// Writes the results of the study to `dir`, `study.json` last, in place of the results there. Tells their paths,

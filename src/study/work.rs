@@ -143,6 +143,7 @@ impl<'a> Work<'a> {
             fidelity: &fidelity.to_string(),
             warm_frames: recipe.warm_frames(),
             reference: recipe.reference(),
+            pictures: self.study.file.base.pictures,
         }
         .key();
         // The caches of another machine may be larger.
@@ -189,7 +190,7 @@ impl<'a> Work<'a> {
                 of: FaultOf::Point,
             })?
             .map_err(failed)?;
-        let entry = Entry::new(output);
+        let entry = Entry::new(output, self.study.file.base.pictures);
         if entry.key != task.key {
             // The key says what was asked for and the entry what was run: files that are read again may be others.
             let message = format!(

@@ -1,5 +1,5 @@
 //! A toy of a method, all of it: its name, an option, a phase, a kernel and what comes out. `docs/adding-a-method.md` walks
-//! through it.
+//! through a larger one.
 //!
 //! Every receiver begins with the whole light, which is halved until no receiver sees more than `floor`: a phase of as many
 //! steps as the data wants.

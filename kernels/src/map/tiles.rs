@@ -9,8 +9,8 @@ use crate::clear;
 use crate::columns::{lanes_below, take_lane, task_range};
 use crate::expression::{each, int, scalar};
 use crate::field;
-use crate::irregular::FACES;
 use crate::irregular::primitives::{BACK, FRONT, TriangleRecord};
+use crate::irregular::{FACES, FAR};
 use crate::lists::Lists;
 use crate::plane::Vec3;
 use crate::record::{Records, words};
@@ -25,9 +25,9 @@ const ROW: u32 = 16;
 /// The box of a triangle that covers no texel.
 const NONE: i32 = -1;
 
-/// Nearest depth at which a corner is projected, in parts of the largest coordinate: a triangle with one that is nearer, or behind
-/// the light, may cover any texel.
-const NEAR: f32 = 1e-6;
+/// Nearest depth at which triangles are looked for, in parts of the largest coordinate: those that reach nearer, or behind the light,
+/// are cut there to find the texels that they may cover.
+const NEAR: f32 = 1e-4;
 
 /// The triangles of each tile.
 #[derive(Clone, Copy)]
@@ -178,32 +178,45 @@ impl Cover {
             let along = corners[k][axis];
             if face.is_multiple_of(2) { along } else { v.vsub(zero, along) }
         });
-        let deepest = v.vmax(depths[0], depths[1]);
-        let deepest = v.vmax(deepest, depths[2]);
-        let least = v.vmin(depths[0], depths[1]);
-        let least = v.vmin(least, depths[2]);
-        let mut covers = v.vcmp_gt_masked(counted, deepest, zero);
-        let is_ahead = v.vcmp_gt(least, near);
-        let inverse = each!(k in [0, 1, 2] => v.vrcp_or(one, is_ahead, depths[k]));
+        let ahead = each!(k in [0, 1, 2] => v.vcmp_gt(depths[k], near));
+        let inverse = each!(k in [0, 1, 2] => v.vrcp_or(one, ahead[k], depths[k]));
+        // Where edges pass the nearest depth, as parts of them.
+        let passes = each!(k in [0, 1, 2] => v.kxor(ahead[k], ahead[(k + 1) % 3]));
+        let some = v.kor(passes[0], passes[1]);
+        let some = v.branch_any(some);
+        let parts = each!(k in [0, 1, 2] => {
+            let along = v.vsub(depths[(k + 1) % 3], depths[k]);
+            let along = v.vrcp_or(zero, passes[k], along);
+            let to_near = v.vsub(near, depths[k]);
+            v.vmul(to_near, along)
+        });
         let number = v.s_imm(face as i32);
+        let (far, minus_far) = (v.vset_f32(FAR), v.vset_f32(-FAR));
+        let per_near = v.vset_f32(1.0 / self.near);
+        let mut covers = counted;
         let ranges = each!(plane_axis in [0, 1] => {
             let origin = v.vbroadcast_f32(self.layout.faces.column(field!(MapFace.origin[plane_axis])), number);
             let per_unit =
                 v.vbroadcast_f32(self.layout.faces.column(field!(MapFace.per_unit[plane_axis])), number);
             let of = (axis + 1 + plane_axis) % 3;
-            let texels = each!(k in [0, 1, 2] => {
+            let (mut low, mut high) = (far, minus_far);
+            for k in 0..3 {
                 let place = v.vmul(corners[k][of], inverse[k]);
-                let place = v.vsub(place, origin);
-                v.vmul(place, per_unit)
-            });
-            let low = v.vmin(texels[0], texels[1]);
-            let low = v.vmin(low, texels[2]);
-            let high = v.vmax(texels[0], texels[1]);
-            let high = v.vmax(high, texels[2]);
+                low = v.vmin_or(low, ahead[k], low, place);
+                high = v.vmax_or(high, ahead[k], high, place);
+                if some {
+                    let side = v.vsub(corners[(k + 1) % 3][of], corners[k][of]);
+                    let place = v.vmadd(side, parts[k], corners[k][of]);
+                    let place = v.vmul(place, per_near);
+                    low = v.vmin_or(low, passes[k], low, place);
+                    high = v.vmax_or(high, passes[k], high, place);
+                }
+            }
+            let low = v.vsub(low, origin);
+            let high = v.vsub(high, origin);
             // A texel more than its middle asks for, on either side: the slack of rounding.
-            let low = v.vsub(low, one);
-            let low = v.vblend_f32(is_ahead, low, zero);
-            let high = v.vblend_f32(is_ahead, high, last);
+            let low = v.vmsub(low, per_unit, one);
+            let high = v.vmul(high, per_unit);
             let starts = v.vcmp_le(low, last);
             let ends = v.vcmp_ge(high, zero);
             covers = v.kand(covers, starts);

@@ -179,6 +179,8 @@ pub struct Packet<V: Vpu> {
     inverse: Vec3<V>,
     /// The origin times these.
     offset: Vec3<V>,
+    /// Rays that run down each axis: they enter a box at its high side.
+    down: [V::Mask; 3],
     /// Triangles that the rays begin on.
     own: V::I32,
 }
@@ -246,7 +248,9 @@ pub fn packet<V: Vpu>(v: &mut V, origin: Vec3<V>, target: Vec3<V>, own: V::I32) 
         v.vrcp(component)
     });
     let offset = each!(axis in [0, 1, 2] => v.vmul(origin[axis], inverse[axis]));
-    Packet { origin, direction, inverse, offset, own }
+    let zero = v.vset_f32(0.0);
+    let down = each!(axis in [0, 1, 2] => v.vcmp_lt(inverse[axis], zero));
+    Packet { origin, direction, inverse, offset, down, own }
 }
 
 impl Trace {
@@ -316,17 +320,17 @@ impl Trace {
     }
 }
 
-/// The rays of `live` that meet a box between their ends.
+/// The rays of `live` that meet a box between their ends. None meets a box whose low side is above its high side.
 #[inline(always)]
 fn meets<V: Vpu>(v: &mut V, live: V::Mask, packet: &Packet<V>, node: Record<V, Node>) -> V::Mask {
     let low = node.vec3(v, field!(Node.low));
     let high = node.vec3(v, field!(Node.high));
     let (mut enter, mut leave) = (v.vset_f32(0.0), v.vset_f32(1.0));
     for axis in 0..3 {
-        let at_low = v.vmsub(low[axis], packet.inverse[axis], packet.offset[axis]);
-        let at_high = v.vmsub(high[axis], packet.inverse[axis], packet.offset[axis]);
-        let first = v.vmin(at_low, at_high);
-        let last = v.vmax(at_low, at_high);
+        let first = v.vblend_f32(packet.down[axis], high[axis], low[axis]);
+        let last = v.vblend_f32(packet.down[axis], low[axis], high[axis]);
+        let first = v.vmsub(first, packet.inverse[axis], packet.offset[axis]);
+        let last = v.vmsub(last, packet.inverse[axis], packet.offset[axis]);
         enter = v.vmax(enter, first);
         leave = v.vmin(leave, last);
     }

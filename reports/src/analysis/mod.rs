@@ -52,7 +52,7 @@ pub fn findings(digest: &Digest) -> Vec<Finding> {
     let file = &digest.study.study;
     let mut asked: Vec<Analysis> = file.analysis.iter().map(|entry| entry.options()).collect();
     if !asked.iter().any(|analysis| analysis.kind == AnalysisKind::Table) {
-        asked.insert(0, Analysis { kind: AnalysisKind::Table, x: None, y: None });
+        asked.insert(0, Analysis { kind: AnalysisKind::Table, x: None, y: None, each: None });
     }
     let mut findings: Vec<Finding> = Vec::new();
     for analysis in &asked {

@@ -1,50 +1,65 @@
 //! The points that no other beats in both numbers; less is better.
 
-use super::{Data, Finding};
+use super::{Data, Finding, Row};
 use crate::metric::title;
 use crate::plot::{Axis, Lines, Look, Plot, Series};
-use crate::sheet::{Cell, Sheet};
+use crate::sheet::{Cell, Sheet, show_value};
 use crate::study::Analysis;
 
 pub(super) fn pareto(data: &Data, analysis: &Analysis) -> Finding {
     let (x, y) = (data.x(analysis), data.y(analysis));
-    let known: Vec<_> = data
-        .rows
-        .iter()
-        .filter_map(|row| Some((row, data.number(row, &x)?, data.number(row, &y)?)))
-        .collect();
-    let places: Vec<(f64, f64)> = known.iter().map(|(_, x, y)| (*x, *y)).collect();
-    let front = front(&places);
+    let each = analysis.each.as_ref().and_then(|each| data.axes.iter().position(|axis| axis == each));
+    // What stands by itself: all points, or those of a value of the axis.
+    let mut groups: Vec<(String, Vec<Known>)> = Vec::new();
+    for row in &data.rows {
+        if let (Some(at_x), Some(at_y)) = (data.number(row, &x), data.number(row, &y)) {
+            let name = each.map_or_else(String::new, |axis| show_value(&row.values[axis]));
+            let known = Known { row, place: (at_x, at_y) };
+            match groups.iter_mut().find(|(other, _)| *other == name) {
+                Some((_, rows)) => rows.push(known),
+                None => groups.push((name, vec![known])),
+            }
+        }
+    }
 
     let mut columns = data.axes.clone();
     // An axis need not stand there twice.
     let extra: Vec<&String> = [&x, &y].into_iter().filter(|path| !data.axes.contains(path)).collect();
     columns.extend(extra.iter().map(|path| title(path)));
     columns.push("front".to_owned());
-    let mut rows = Vec::new();
-    for (index, (row, _, _)) in known.iter().enumerate() {
-        let mut cells: Vec<Cell> = row.values.iter().map(Cell::value).collect();
-        cells.extend(extra.iter().map(|path| Cell::maybe(data.number(row, path))));
-        cells.push(Cell::Text(if front[index] { "yes" } else { "" }.to_owned()));
-        rows.push(cells);
+    let (mut rows, mut series) = (Vec::new(), Vec::new());
+    for (name, known) in &groups {
+        let front = front(&known.iter().map(|known| known.place).collect::<Vec<_>>());
+        for (Known { row, .. }, on) in known.iter().zip(&front) {
+            let mut cells: Vec<Cell> = row.values.iter().map(Cell::value).collect();
+            cells.extend(extra.iter().map(|path| Cell::maybe(data.number(row, path))));
+            cells.push(Cell::Text(if *on { "yes" } else { "" }.to_owned()));
+            rows.push(cells);
+        }
+        let places = |of: bool| -> Vec<(f64, f64)> {
+            let known = known.iter().zip(&front).filter(|(_, on)| **on == of);
+            known.map(|(known, _)| known.place).collect()
+        };
+        let mut line = places(true);
+        line.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let of = |what: &str| if name.is_empty() { what.to_owned() } else { format!("{name}: {what}") };
+        series.push(Series { name: of("front"), look: Look::Line, points: line });
+        series.push(Series { name: of("beaten by others"), look: Look::Dots, points: places(false) });
     }
-
-    let mut line: Vec<(f64, f64)> =
-        places.iter().zip(&front).filter(|(_, on)| **on).map(|(point, _)| *point).collect();
-    line.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let behind = places.iter().zip(&front).filter(|(_, on)| !**on).map(|(point, _)| *point).collect();
     let plot = Lines {
         title: format!("{} against {}", title(&y), title(&x)),
         x: Axis::new(title(&x), true),
         y: Axis::new(title(&y), true),
-        series: vec![
-            Series { name: "front".to_owned(), look: Look::Line, points: line },
-            Series { name: "beaten by others".to_owned(), look: Look::Dots, points: behind },
-        ],
+        series,
     };
-    let note = match rows.is_empty() {
-        true => data.why_nothing(&x, &y),
-        false => "The front: no other point has less of one number and no more of the other.".to_owned(),
+    let note = match (rows.is_empty(), &analysis.each) {
+        (true, _) => data.why_nothing(&x, &y),
+        (_, Some(each)) => {
+            format!(
+                "The front: no other point of the same {each} has less of one number and no more of the other."
+            )
+        }
+        (_, None) => "The front: no other point has less of one number and no more of the other.".to_owned(),
     };
     Finding {
         name: "pareto".to_owned(),
@@ -55,6 +70,12 @@ pub(super) fn pareto(data: &Data, analysis: &Analysis) -> Finding {
     }
 }
 
+/// A point that has both numbers.
+struct Known<'a> {
+    row: &'a Row<'a>,
+    place: (f64, f64),
+}
+
 /// Which points no other beats.
 fn front(points: &[(f64, f64)]) -> Vec<bool> {
     let beats = |a: &(f64, f64), b: &(f64, f64)| a.0 <= b.0 && a.1 <= b.1 && (a.0 < b.0 || a.1 < b.1);
@@ -63,6 +84,31 @@ fn front(points: &[(f64, f64)]) -> Vec<bool> {
 
 #[cfg(test)]
 mod tests {
+    use serde_json::Value;
+
+    use crate::digest::Digest;
+    use crate::study::{AnalysisEntry, AnalysisKind};
+
+    #[test]
+    fn each_value_of_an_axis_can_have_a_front_of_its_own() {
+        let point = |scene: &str, cores: u32| [Value::from(scene), Value::from(cores)];
+        let points = [point("easy", 1), point("easy", 2), point("hard", 1), point("hard", 2)];
+        let times = [8.0, 9.0, 90.0, 50.0];
+        let points: Vec<(&[Value], f64)> = points.iter().map(|values| &values[..]).zip(times).collect();
+        let mut study = crate::analysis::tests::study(&["scene", "cores"], &["pareto"], &points);
+        let fronts = |study| {
+            let findings = crate::analysis::findings(&Digest::of(study));
+            let sheet = &findings.iter().find(|finding| finding.name == "pareto").expect("asked for").sheet;
+            sheet.rows.iter().map(|row| row.last().expect("a cell").shown() == "yes").collect::<Vec<_>>()
+        };
+        assert_eq!(fronts(&study), [true, false, false, false]);
+        let mut each = study.study.analysis[0].options();
+        each.each = Some("scene".to_owned());
+        assert_eq!(each.kind, AnalysisKind::Pareto);
+        study.study.analysis[0] = AnalysisEntry::Options(each);
+        assert_eq!(fronts(&study), [true, false, true, true]);
+    }
+
     #[test]
     fn the_front_is_what_nothing_beats() {
         let points = [(1.0, 9.0), (2.0, 5.0), (2.0, 6.0), (3.0, 5.0), (4.0, 1.0), (4.0, 1.0)];

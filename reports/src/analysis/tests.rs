@@ -29,6 +29,7 @@ pub(crate) fn study(axes: &[&str], analysis: &[&str], points: &[(&[Value], f64)]
             values: values.to_vec(),
             key: "k".to_owned(),
             error: None,
+            pictures: None,
             report: Some(report(*ms)),
         })
         .collect();

@@ -83,10 +83,10 @@ function waitsFor(stack) {
 }
 
 function phaseTable(report) {
-  const timed = report.total.cycles !== null;
+  const timed = report.total.cycles !== null, ofPaper = report.phases.some((phase) => phase.in_paper_total);
   const columns = ["phase", "ms", "share", "instructions", "IPC", "lanes active", "L1 hits", "L2 hits", "memory, MB"];
   const rows = report.phases.map((phase) => [
-    phase.title + (phase.in_paper_total ? "" : " *"), time(phase), asPercent(phase.share), phase.instructions.total, cell(phase.ipc, phase.ipc === null ? "" : phase.ipc.toFixed(3)),
+    phase.title + (phase.in_paper_total || !ofPaper ? "" : " *"), time(phase), asPercent(phase.share), phase.instructions.total, cell(phase.ipc, phase.ipc === null ? "" : phase.ipc.toFixed(3)),
     asPercent(ratio(phase.lanes.active, phase.lanes.active + phase.lanes.masked)),
     asPercent(phase.l1d && ratio(phase.l1d.hits, phase.l1d.accesses)), asPercent(phase.l2 && ratio(phase.l2.hits, phase.l2.accesses)),
     phase.memory && cell(phase.memory.bytes, (phase.memory.bytes / 1e6).toFixed(2)),
@@ -95,11 +95,11 @@ function phaseTable(report) {
   const instructions = (all) => report.phases.filter((phase) => all || phase.in_paper_total).reduce((sum, phase) => sum + phase.instructions.total, 0);
   const bytes = timed ? (sum((phase) => phase.memory && phase.memory.bytes) / 1e6).toFixed(2) : null;
   const totals = [["total", time(report.total), "", instructions(true), "", "", "", "", bytes]];
-  if (timed) totals.push(["paper's total", report.total.paper_ms, "", instructions(false), "", "", "", "", ""]);
+  if (timed && ofPaper) totals.push(["paper's total", report.total.paper_ms, "", instructions(false), "", "", "", "", ""]);
   const steps = report.phases.flatMap((phase) => phase.by_step.map((step) => [phase.title, step.name, step.ms, asPercent(ratio(step.cycles, report.total.cycles)), step.tasks, step.instructions, waitsFor(step.cycle_stack)]));
   return section("Phases", table(columns, rows, totals),
     element("details", {}, element("summary", {}, `the ${steps.length} steps of the phases`), table(["phase", "step", "ms", "share", "tasks", "instructions", "waits for"], steps)),
-    note("* not in the totals of Johnson et al. 2009. Click a heading to sort. IPC: instructions per cycle and core."));
+    note(`${ofPaper ? "* not in the totals of Johnson et al. 2009. " : ""}Click a heading to sort. IPC: instructions per cycle and core.`));
 }
 
 function stackSection(report) {
@@ -328,6 +328,34 @@ function findingSection(finding) {
   return section(finding.title, plot, table(finding.sheet.columns, finding.sheet.rows), ...finding.notes.map(note));
 }
 
+// Small pictures of all points side by side, or where they differ from the reference; one row for each value of the first axis.
+function pointPictures(study, name) {
+  const points = study.points.filter((point) => point.pictures);
+  if (!points.length) return null;
+  const rows = new Map();
+  for (const point of points) {
+    const key = JSON.stringify(point.values[0]);
+    rows.set(key, [...(rows.get(key) || []), point]);
+  }
+  const images = [];
+  const figure = (point) => {
+    const image = element("img", { alt: name(point), loading: "lazy" });
+    images.push([image, point.pictures]);
+    const report = point.report, error = report && report.image.error;
+    const numbers = report ? [report.total.ms === null ? null : `${short(report.total.ms)} ms`, error ? `error ${short(error.mean)}` : null].filter((part) => part).join(", ") : "";
+    return element("figure", {}, image, element("figcaption", {}, element("b", {}, name(point)), element("br", {}), numbers));
+  };
+  const gallery = [...rows.values()].map((row) => element("div", { class: "gallery" }, ...row.map(figure)));
+  const show = (difference) => images.forEach(([image, pictures]) => {
+    const picture = (difference && pictures.difference) || pictures.shaded;
+    image.src = `data:image/png;base64,${picture}`;
+  });
+  show(false);
+  const judged = points.some((point) => point.pictures.difference);
+  return section("Pictures", judged ? choice(["pictures", "differences from the reference"], (index) => show(index === 1)) : null, ...gallery,
+    judged ? note("In differences, blue is too dark and orange too light; the brightest is a quarter of the light or more.") : null);
+}
+
 function studySections(study) {
   const axes = study.study.axes.map((axis) => axis.path);
   const name = (point) => axes.map((axis, i) => `${axis} ${typeof point.values[i] === "string" ? point.values[i] : JSON.stringify(point.values[i])}`).join(", ");
@@ -336,7 +364,7 @@ function studySections(study) {
   const pick = element("select", { "aria-label": "Point of the study", change: (event) => holder.replaceChildren(...runSections(good[event.target.value].report)) }, ...good.map((point, index) => element("option", { value: index }, name(point))));
   if (good.length) holder.replaceChildren(...runSections(good[0].report));
   const failed = study.points.filter((point) => point.error !== null).map((point) => element("p", { class: "error" }, `${name(point)}: ${point.error}`));
-  return [element("p", {}, study.study.question), ...data.findings.map(findingSection), ...failed, good.length ? section("One point", pick, holder, data.left_out ? note(`The reports of ${data.left_out} more points are in study.json.`) : null) : note("No point has a result.")];
+  return [element("p", {}, study.study.question), ...data.findings.map(findingSection), pointPictures(study, name), ...failed, good.length ? section("One point", pick, holder, data.left_out ? note(`The reports of ${data.left_out} more points are in study.json.`) : null) : note("No point has a result.")].filter((part) => part !== null);
 }
 
 // Words and pictures first: whoever reads of it for the first time finds numbers under each family, when wanted.
