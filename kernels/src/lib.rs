@@ -5,6 +5,7 @@
 //! sism/        soft irregular shadow mapping (Johnson et al. 2009): silhouette, hard, soft, compose
 //! shadow_map/  depth map of the light and percentage-closer filtering (Williams 1978, Reeves 1987)
 //! pcss/        percentage-closer soft shadows (Fernando 2005)
+//! penumbra_map/ penumbra maps (Wyman and Hansen 2003)
 //! raytrace/    distribution ray tracing (Cook et al. 1984)
 //! irregular/   what methods with an irregular shadow map share: grid, bin, raster
 //! map/         what methods with a regular shadow map share: layout, tiles, draw, look
@@ -35,4 +36,5 @@ pub mod method;
 pub mod sism;
 pub mod shadow_map;
 pub mod pcss;
+pub mod penumbra_map;
 pub mod raytrace;

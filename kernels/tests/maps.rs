@@ -3,8 +3,8 @@
 mod common;
 
 use common::{
-    On, Random, add_triangle, draw, input, polygons, random_scene, run_step, same_on_all_back_ends, shipped,
-    sphere,
+    On, Random, add_triangle, draw, half_plane, input, polygons, random_scene, run_step,
+    same_on_all_back_ends, shipped, sphere,
 };
 use lrbsim_isa::{Arena, HostSimd, Phase, Runner, Step};
 use lrbsim_kernels::field;
@@ -159,19 +159,6 @@ fn a_plane_does_not_shadow_itself_however_grazing_the_light_and_coarse_the_map()
     let light = Light::Point { center: DVec3::new(2.5, 0.03, 0.4) };
     let visible = draw(&ShadowMap, "size=128,filter=1,bias=constant", &floor(light), on()).visibility;
     assert!(visible.contains(&0.0));
-}
-
-/// A half plane at depth 2 over a floor at depth 4, under a light of radius 0.2: the penumbra on the floor is 0.4 wide, and its
-/// profile that of a disc behind a straight edge.
-fn half_plane(across: &[f64]) -> ShadowInput {
-    let mut mesh = Mesh::default();
-    let at = |x: f64, y: f64| DVec3::new(x, y, -2.0);
-    add_triangle(&mut mesh, [at(0.0, -9.0), at(0.0, 9.0), at(-9.0, 0.0)]);
-    let receivers: Vec<(DVec3, u32)> = across
-        .iter()
-        .flat_map(|&x| (0..64).map(move |k| (DVec3::new(x, f64::from(k) * 0.01 - 0.32, -4.0), u32::MAX)))
-        .collect();
-    input(mesh, sphere(0.2), &receivers)
 }
 
 #[test]

@@ -11,13 +11,14 @@ use common::{
 use lrbsim_isa::{HostSimd, Vpu, math};
 use lrbsim_kernels::field;
 use lrbsim_kernels::irregular::primitives::TriangleRecord;
+use lrbsim_kernels::irregular::silhouette::rounding_offset;
 use lrbsim_kernels::irregular::touch::wedge_start;
 use lrbsim_kernels::light::{View, footprint_radius};
 use lrbsim_kernels::plane::PLANE_SLACK;
 use lrbsim_kernels::record::Field;
 use lrbsim_kernels::segment::segment;
 use lrbsim_kernels::sism::compose::visible;
-use lrbsim_kernels::sism::soft::{fixed, rounding_offset};
+use lrbsim_kernels::sism::soft::fixed;
 use lrbsim_workloads::glam::{DVec2, DVec3};
 use lrbsim_workloads::reference::Projection;
 use lrbsim_workloads::{Counting, Light, LightShape, ShadowInput};

@@ -16,6 +16,7 @@
 
 pub mod primitives;
 pub mod triangles;
+pub mod silhouette;
 pub mod receivers;
 pub mod grid;
 pub mod bounds;

@@ -12,8 +12,8 @@ use crate::irregular::receivers::Receivers;
 use crate::record::{Field, Records, words};
 use crate::scan;
 
-/// Tiles of a side at most: as many as a vector has lanes.
-const TILES: u32 = 16;
+/// Tiles of a side at most: small tiles are short tasks where much lies in few of them.
+const TILES: u32 = 32;
 
 /// Texels of a side of a tile at least: as many as a vector has lanes.
 const TILE_MIN: u32 = 16;
@@ -55,7 +55,7 @@ pub struct Layout {
 
 impl Layout {
     /// Lays out squares of `size` texels a side about the receivers, with `margin` texels on every side.
-    pub(super) fn build(
+    pub fn build(
         receivers: &Receivers,
         size: u32,
         margin: u32,

@@ -3,8 +3,8 @@
 use lrbsim_isa::{Vpu, math};
 
 use super::DepthMap;
-use super::draw::middle;
 use super::layout::MapFace;
+use super::tiles::middle;
 use crate::columns::Columns;
 use crate::expression::{each, int};
 use crate::field;
@@ -109,6 +109,27 @@ impl DepthMap {
         Places { place: [x, y], depth, slot, origin, per_unit, unit, slope, slack }
     }
 
+    /// The texels of the square that are nearest to these, and their words.
+    #[inline(always)]
+    pub fn word<V: Vpu>(&self, v: &mut V, places: &Places<V>, texel: [V::I32; 2]) -> ([V::I32; 2], V::I32) {
+        let layout = &self.layout;
+        let first = v.vset_i32(0);
+        let last = v.vset_i32(layout.size as i32 - 1);
+        let texel = each!(axis in [0, 1] => {
+            let low = v.vimax(texel[axis], first);
+            v.vimin(low, last)
+        });
+        // Tile by tile, in a tile row by row.
+        let tile_log2 = v.vset_i32(layout.tile_log2 as i32);
+        let tiles_log2 = v.vset_i32(layout.tiles_log2() as i32);
+        let in_tile = v.vset_i32((1 << layout.tile_log2) - 1);
+        let (slot, [x, y]) = (places.slot, texel);
+        let tile_y = int!(v, (slot << tiles_log2) + (y >> tile_log2));
+        let tile = int!(v, (tile_y << tiles_log2) + (x >> tile_log2));
+        let row = int!(v, (tile << tile_log2) + (y & in_tile));
+        (texel, int!(v, (row << tile_log2) + (x & in_tile)))
+    }
+
     /// Reciprocal depths of texels, and which of them hide the receivers of `live` from the middle of the light. A texel beyond
     /// the border of the square is the nearest on it.
     #[inline(always)]
@@ -119,31 +140,14 @@ impl DepthMap {
         places: &Places<V>,
         texel: [V::I32; 2],
     ) -> (V::F32, V::Mask) {
-        let layout = &self.layout;
         let zero = v.vset_f32(0.0);
-        let half = v.vset_f32(0.5);
-        let first = v.vset_i32(0);
-        let last = v.vset_i32(layout.size as i32 - 1);
-        let texel = each!(axis in [0, 1] => {
-            let low = v.vimax(texel[axis], first);
-            v.vimin(low, last)
-        });
-
-        // Tile by tile, in a tile row by row.
-        let tile_log2 = v.vset_i32(layout.tile_log2 as i32);
-        let tiles_log2 = v.vset_i32(layout.tiles_log2() as i32);
-        let in_tile = v.vset_i32((1 << layout.tile_log2) - 1);
-        let (slot, [x, y]) = (places.slot, texel);
-        let tile_y = int!(v, (slot << tiles_log2) + (y >> tile_log2));
-        let tile = int!(v, (tile_y << tiles_log2) + (x >> tile_log2));
-        let row = int!(v, (tile << tile_log2) + (y & in_tile));
-        let word = int!(v, (row << tile_log2) + (x & in_tile));
+        let (texel, word) = self.word(v, places, texel);
         let depth = v.vgather_f32_or(zero, live, self.texels, word);
 
         let mut own = places.depth;
         if let Some(slope) = places.slope {
             for axis in 0..2 {
-                let at = middle(v, texel[axis], half, places.unit[axis], places.origin[axis]);
+                let at = middle(v, texel[axis], places.unit[axis], places.origin[axis]);
                 let from = v.vsub(at, places.place[axis]);
                 own = v.vmadd(from, slope[axis], own);
             }

@@ -4,18 +4,19 @@
 //! ```text
 //! receivers ─► bounds ─► layout    a square of texels for each of six faces around the light that sees receivers
 //!                          │
-//! triangles ─► boxes ─► tiles      lists of the triangles that may cover texels of a tile
+//! triangles ─► cover ─► tiles      lists of the triangles that may cover texels of a tile
 //!                          │
 //!                         draw     texels of a tile, 16 side by side, the nearest triangle stays
 //!                          │
 //!                         look     what a texel says of a receiver
 //! ```
 //!
-//! A tile is a sixteenth of a side: its texels lie one after the other and stay in the L2 of the core that draws them, and
+//! A tile has 16 to 64 texels a side: they lie one after the other and stay in the L2 of the core that draws them, and
 //! no two tasks write one texel. Reciprocal depth is linear on the image plane, so that nothing is divided for a texel;
 //! farther than everything is 0.
 
 pub mod layout;
+pub mod cover;
 pub mod tiles;
 pub mod draw;
 pub mod look;
@@ -29,6 +30,7 @@ use crate::irregular::triangles;
 use crate::record::Records;
 use crate::scene::Scene;
 use layout::Layout;
+use tiles::Tiles;
 
 /// The phase in which triangles get their records and the map its layout.
 pub const SETUP: Phase =
@@ -70,9 +72,21 @@ impl DepthMap {
         runner.phase(&SETUP);
         let triangles = triangles::record(&scene, 0.0, None, runner)?;
         let layout = Layout::build(&receivers, size, margin, runner)?;
+        DepthMap::draw_scene(&scene, receivers, triangles, layout, input.largest, runner)
+    }
 
+    /// Draws the map of triangles that have their records. `largest`: the largest coordinate.
+    pub fn draw_scene(
+        scene: &Scene,
+        receivers: Receivers,
+        triangles: Records<TriangleRecord>,
+        layout: Layout,
+        largest: f32,
+        runner: &mut Runner<'_>,
+    ) -> Result<DepthMap, Stopped> {
         runner.phase(&TILES);
-        let tiles = tiles::sort(&scene, triangles, &layout, input.largest, runner)?;
+        let boxes = cover::triangles(scene, triangles, &layout, largest, runner)?;
+        let tiles = Tiles::sort(boxes, &layout, ["tile counts", "tile lists"], runner)?;
 
         runner.phase(&DRAW);
         let (texels, nearest) = draw::draw(&layout, triangles, &tiles, runner)?;

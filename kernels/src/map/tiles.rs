@@ -1,222 +1,90 @@
-//! Triangles to the tiles of a map: the texels that each may cover, then lists, count → scan → fill.
+//! What covers texels, sorted to the tiles of a map: lists of the tiles, count → scan → fill.
+//!
+//! Things are triangles, or whatever else a method draws: all that is known of them is which texels they may cover.
 
 #![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
 
-use lrbsim_isa::{Addr, Compare, Kernel, Runner, Step, Stopped, Vpu};
+use lrbsim_isa::{Addr, Arena, Compare, Kernel, Runner, Step, Stopped, Vpu};
 
 use super::layout::{Layout, MapFace, MapSlot};
 use crate::clear;
-use crate::columns::{lanes_below, take_lane, task_range};
+use crate::columns::{lanes_below, lower, take_lane, task_range};
 use crate::expression::{each, int, scalar};
 use crate::field;
-use crate::irregular::primitives::{BACK, FRONT, TriangleRecord};
-use crate::irregular::{FACES, FAR};
 use crate::lists::Lists;
-use crate::plane::Vec3;
-use crate::record::{Records, words};
-use crate::scene::{Scene, Triangle};
+use crate::segment::Vec2;
 
-/// Number of triangles that a task handles.
+/// Number of things that a task handles.
 const TASK: u32 = 256;
 
-/// Lists of a row of tiles.
-const ROW: u32 = 16;
+/// Lists that are looked at together, those of 16 tiles of a row.
+const GROUP: u32 = 16;
 
-/// The box of a triangle that covers no texel.
-const NONE: i32 = -1;
-
-/// Nearest depth at which triangles are looked for, in parts of the largest coordinate: those that reach nearer, or behind the light,
-/// are cut there to find the texels that they may cover.
-const NEAR: f32 = 1e-4;
-
-/// The triangles of each tile.
-#[derive(Clone, Copy)]
-pub struct Tiles {
-    /// Lists of the tiles: 16 for each row of tiles of each square.
-    lists: Lists,
-    /// The numbers of triangles in these lists.
-    items: Addr,
-    /// Texels that each triangle may cover.
-    pub(super) boxes: Boxes,
+/// Groups of a row of tiles.
+#[inline(always)]
+const fn groups(layout: &Layout) -> u32 {
+    (1_u32 << layout.tiles_log2()).div_ceil(GROUP)
 }
 
-/// Texels that triangles may cover on each square: the first and the last along each axis, in the low and the high half of a word.
+/// The box of a thing that covers no texel.
+const NONE: i32 = -1;
+
+/// What covers each tile.
+#[derive(Clone, Copy)]
+pub struct Tiles {
+    layout: Layout,
+    /// Lists of the tiles: whole groups of 16 for each row of tiles of each square.
+    lists: Lists,
+    /// The numbers of things in these lists.
+    items: Addr,
+    /// Texels that each thing may cover.
+    boxes: Boxes,
+}
+
+/// Texels that things may cover on each square: the first and the last along each axis, in the low and the high half of a word.
 #[derive(Clone, Copy)]
 pub struct Boxes {
     words: Addr,
-    /// Words for the triangles along one axis of one square.
+    /// Words for the things along one axis of one square.
     stride: u32,
+    /// Number of things.
+    count: u32,
 }
 
 impl Boxes {
-    /// The word of triangle `number` on the square `slot` along `axis`.
-    #[inline(always)]
-    pub(super) fn at<V: Vpu>(&self, v: &mut V, slot: V::S32, axis: u32, number: V::S32) -> (Addr, V::S32) {
-        let index = scalar!(v, (slot * { 2 * self.stride as i32 }) + number);
-        (self.words.plus_words(u64::from(axis * self.stride)), index)
+    /// Room for the boxes of `count` things on all squares of `layout`.
+    pub fn new(arena: &mut Arena, layout: &Layout, count: u32) -> Boxes {
+        let stride = count + 16;
+        let words = arena.overwritten(u64::from(2 * stride) * u64::from(layout.slot_count));
+        Boxes { words, stride, count }
     }
-}
 
-/// Sorts triangles to tiles. `largest`: the largest coordinate of all vertices.
-pub(super) fn sort(
-    scene: &Scene,
-    triangles: Records<TriangleRecord>,
-    layout: &Layout,
-    largest: f32,
-    runner: &mut Runner<'_>,
-) -> Result<Tiles, Stopped> {
-    let tasks = scene.triangle_count.div_ceil(TASK);
-    let stride = scene.triangle_count + 16;
-    let words = runner.arena.overwritten(u64::from(2 * stride) * u64::from(layout.slot_count));
-    let boxes = Boxes { words, stride };
-    let kernel = Cover { scene: *scene, triangles, layout: *layout, near: NEAR * largest, boxes };
-    // SAFETY: each task writes the boxes of its own triangles.
-    runner.run(&unsafe { Step::independent("triangle boxes", tasks, kernel) })?;
-
-    let list_count = layout.slot_count * ROW << layout.tiles_log2();
-    let [starts] = clear::zeroed(runner, [Lists::start_words(list_count)])?;
-    let lists = Lists::new(runner.arena, starts, list_count, tasks, list_count);
-    let sort = |items| Sort { lists, items, boxes, layout: *layout, count: scene.triangle_count };
-    runner.run(&Step::ordered("tile counts", tasks, sort(None)))?;
-    let items = lists.sum(runner)?;
-    let items = runner.arena.overwritten(u64::from(items));
-    // SAFETY: each task writes its own table, and items to places that it has taken in `tile counts`.
-    runner.run(&unsafe { Step::independent("tile lists", tasks, sort(Some(items))) })?;
-    Ok(Tiles { lists, items, boxes })
-}
-
-impl Tiles {
-    /// First item of a tile, and one past the last.
+    /// The word of thing `number` on the square `slot` along `axis`.
     #[inline(always)]
-    pub(super) fn items_of<V: Vpu>(
+    fn at<V: Vpu>(&self, v: &mut V, slot: V::S32, axis: usize, number: V::S32) -> (Addr, V::S32) {
+        let index = scalar!(v, (slot * { 2 * self.stride as i32 }) + number);
+        (self.words.plus_words(axis as u64 * u64::from(self.stride)), index)
+    }
+
+    /// Stores the boxes of the 16 things from `number` on: those in `covers` reach from `low` to `high` along both axes, in
+    /// texels with their parts, and cover nothing where that lies beside the square.
+    #[inline(always)]
+    pub fn store<V: Vpu>(
         &self,
         v: &mut V,
         layout: &Layout,
         slot: V::S32,
-        row: V::S32,
-        column: V::S32,
-    ) -> [V::S32; 2] {
-        let list = list(v, layout, slot, row);
-        let list = scalar!(v, list + column);
-        each!(after in [0, 1] => v.s_load(self.lists.starts.plus_words(after), list))
-    }
-
-    /// The triangle that an item stands for.
-    #[inline(always)]
-    pub(super) fn triangle<V: Vpu>(&self, v: &mut V, item: V::S32) -> V::S32 {
-        v.s_load(self.items, item)
-    }
-}
-
-/// The first list of a row of tiles.
-#[inline(always)]
-fn list<V: Vpu>(v: &mut V, layout: &Layout, slot: V::S32, row: V::S32) -> V::S32 {
-    scalar!(v, ((slot << { layout.tiles_log2() as i32 }) + row) << { ROW.trailing_zeros() as i32 })
-}
-
-/// Finds the texels that triangles may cover.
-struct Cover {
-    scene: Scene,
-    triangles: Records<TriangleRecord>,
-    layout: Layout,
-    near: f32,
-    boxes: Boxes,
-}
-
-impl Kernel for Cover {
-    #[inline(always)]
-    fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
-        let Cover { scene, layout, boxes, .. } = self;
-        let (mut i, end) = task_range(v, task, TASK, scene.triangle_count);
-        let lane = v.viota();
-        let none = v.vset_i32(0);
-        let record_words = v.vset_i32(words::<TriangleRecord>() as i32);
-        let layer = v.vset_i32(FRONT | BACK);
-        let slots = v.s_imm(layout.slot_count as i32);
-        while v.branch(Compare::Less, i, end) {
-            let live = lanes_below(v, i, end);
-            let corners =
-                each!(k in [0, 1, 2] => v.vload_i32(scene.triangles.column(field!(Triangle.corners[k])), i));
-            let corners = each!(k in [0, 1, 2] => scene.positions(v, live, corners[k]));
-            // Triangles that are layers of nothing cast no shadow.
-            let first = v.vsplat(i);
-            let at = int!(v, (first + lane) * record_words);
-            let flags =
-                v.vgather_i32_or(none, live, self.triangles.field(field!(TriangleRecord.flags[0])), at);
-            let layers = int!(v, flags & layer);
-            let counted = v.vicmp_neq_masked(live, layers, none);
-            let mut slot = v.s_imm(0);
-            while v.branch(Compare::Less, slot, slots) {
-                let face = v.s_load(layout.slots.column(field!(MapSlot.face)), slot);
-                // The code of each face knows its axes.
-                for number in 0..FACES {
-                    let this = v.s_imm(number as i32);
-                    if v.branch(Compare::Equal, face, this) {
-                        let words = self.on_face(v, number, counted, corners);
-                        for (axis, word) in (0..).zip(words) {
-                            let (base, at) = boxes.at(v, slot, axis, i);
-                            v.vstore_i32(live, base, at, word);
-                        }
-                    }
-                }
-                slot = scalar!(v, slot + 1);
-            }
-            i = scalar!(v, i + 16);
-        }
-    }
-}
-
-impl Cover {
-    /// The texels that 16 triangles may cover on a face, along both axes.
-    #[inline(always)]
-    fn on_face<V: Vpu>(&self, v: &mut V, face: u32, counted: V::Mask, corners: [Vec3<V>; 3]) -> [V::I32; 2] {
+        number: V::S32,
+        covers: V::Mask,
+        [low, high]: [Vec2<V>; 2],
+    ) {
         let (zero, one) = (v.vset_f32(0.0), v.vset_f32(1.0));
-        let near = v.vset_f32(self.near);
-        let last = v.vset_f32((self.layout.size - 1) as f32);
-        let axis = face as usize / 2;
-        let depths = each!(k in [0, 1, 2] => {
-            let along = corners[k][axis];
-            if face.is_multiple_of(2) { along } else { v.vsub(zero, along) }
-        });
-        let ahead = each!(k in [0, 1, 2] => v.vcmp_gt(depths[k], near));
-        let inverse = each!(k in [0, 1, 2] => v.vrcp_or(one, ahead[k], depths[k]));
-        // Where edges pass the nearest depth, as parts of them.
-        let passes = each!(k in [0, 1, 2] => v.kxor(ahead[k], ahead[(k + 1) % 3]));
-        let some = v.kor(passes[0], passes[1]);
-        let some = v.branch_any(some);
-        let parts = each!(k in [0, 1, 2] => {
-            let along = v.vsub(depths[(k + 1) % 3], depths[k]);
-            let along = v.vrcp_or(zero, passes[k], along);
-            let to_near = v.vsub(near, depths[k]);
-            v.vmul(to_near, along)
-        });
-        let number = v.s_imm(face as i32);
-        let (far, minus_far) = (v.vset_f32(FAR), v.vset_f32(-FAR));
-        let per_near = v.vset_f32(1.0 / self.near);
-        let mut covers = counted;
-        let ranges = each!(plane_axis in [0, 1] => {
-            let origin = v.vbroadcast_f32(self.layout.faces.column(field!(MapFace.origin[plane_axis])), number);
-            let per_unit =
-                v.vbroadcast_f32(self.layout.faces.column(field!(MapFace.per_unit[plane_axis])), number);
-            let of = (axis + 1 + plane_axis) % 3;
-            let (mut low, mut high) = (far, minus_far);
-            for k in 0..3 {
-                let place = v.vmul(corners[k][of], inverse[k]);
-                low = v.vmin_or(low, ahead[k], low, place);
-                high = v.vmax_or(high, ahead[k], high, place);
-                if some {
-                    let side = v.vsub(corners[(k + 1) % 3][of], corners[k][of]);
-                    let place = v.vmadd(side, parts[k], corners[k][of]);
-                    let place = v.vmul(place, per_near);
-                    low = v.vmin_or(low, passes[k], low, place);
-                    high = v.vmax_or(high, passes[k], high, place);
-                }
-            }
-            let low = v.vsub(low, origin);
-            let high = v.vsub(high, origin);
+        let last = v.vset_f32((layout.size - 1) as f32);
+        let mut covers = covers;
+        let ranges = each!(axis in [0, 1] => {
             // A texel more than its middle asks for, on either side: the slack of rounding.
-            let low = v.vmsub(low, per_unit, one);
-            let high = v.vmul(high, per_unit);
+            let low = v.vsub(low[axis], one);
+            let high = high[axis];
             let starts = v.vcmp_le(low, last);
             let ends = v.vcmp_ge(high, zero);
             covers = v.kand(covers, starts);
@@ -229,30 +97,174 @@ impl Cover {
         });
         let half = v.vset_i32(16);
         let none = v.vset_i32(NONE);
-        each!(plane_axis in [0, 1] => {
-            let [low, high] = ranges[plane_axis];
+        let all = v.mask_all();
+        for (axis, [low, high]) in ranges.into_iter().enumerate() {
             let word = int!(v, low | (high << half));
-            v.vblend_i32(covers, word, none)
+            let word = v.vblend_i32(covers, word, none);
+            let (base, at) = self.at(v, slot, axis, number);
+            v.vstore_i32(all, base, at, word);
+        }
+    }
+}
+
+/// Names of the steps that sort.
+pub type Names = [&'static str; 2];
+
+impl Tiles {
+    /// Sorts the things of `boxes` to tiles. `names`: of the steps that count and that write.
+    pub fn sort(
+        boxes: Boxes,
+        layout: &Layout,
+        names: Names,
+        runner: &mut Runner<'_>,
+    ) -> Result<Tiles, Stopped> {
+        let tasks = boxes.count.div_ceil(TASK);
+        let list_count = layout.slot_count * groups(layout) * GROUP << layout.tiles_log2();
+        let [starts] = clear::zeroed(runner, [Lists::start_words(list_count)])?;
+        let lists = Lists::new(runner.arena, starts, list_count, tasks, list_count);
+        let sort = |items| Sort { lists, items, boxes, layout: *layout };
+        runner.run(&Step::ordered(names[0], tasks, sort(None)))?;
+        let items = lists.sum(runner)?;
+        let items = runner.arena.overwritten(u64::from(items));
+        // SAFETY: each task writes its own table, and items to places that it has taken in the step before.
+        runner.run(&unsafe { Step::independent(names[1], tasks, sort(Some(items))) })?;
+        Ok(Tiles { layout: *layout, lists, items, boxes })
+    }
+
+    /// First item of a tile, and one past the last.
+    #[inline(always)]
+    pub fn items_of<V: Vpu>(&self, v: &mut V, tile: &Tile<V>) -> [V::S32; 2] {
+        let list = list(v, &self.layout, tile.slot, tile.place[1]);
+        let column = tile.place[0];
+        let list = scalar!(v, list + column);
+        each!(after in [0, 1] => v.s_load(self.lists.starts.plus_words(after), list))
+    }
+
+    /// The thing that an item stands for.
+    #[inline(always)]
+    pub fn number<V: Vpu>(&self, v: &mut V, item: V::S32) -> V::S32 {
+        v.s_load(self.items, item)
+    }
+
+    /// The texels of a tile that thing `number` may cover, from the tile's first on: the first and the last along both axes.
+    #[inline(always)]
+    pub fn range<V: Vpu>(&self, v: &mut V, tile: &Tile<V>, number: V::S32) -> [[V::S32; 2]; 2] {
+        let nothing = v.s_imm(0);
+        let last = v.s_imm((1 << self.layout.tile_log2) - 1);
+        each!(axis in [0, 1] => {
+            let (base, at) = self.boxes.at(v, tile.slot, axis, number);
+            let word = v.s_load(base, at);
+            let first = tile.first[axis];
+            let low = scalar!(v, (word & 0xffff) - first);
+            let low = if v.branch(Compare::Less, low, nothing) { nothing } else { low };
+            let high = scalar!(v, (word >> 16) - first);
+            [low, lower(v, high, last)]
         })
     }
 }
 
-/// Counts or writes the triangles of the tiles.
+/// A tile of a map.
+pub struct Tile<V: Vpu> {
+    /// Number of its square.
+    pub slot: V::S32,
+    /// The face whose square it is.
+    pub face: V::S32,
+    /// Its column and row in the square.
+    place: [V::S32; 2],
+    /// Its first texel along both axes.
+    first: [V::S32; 2],
+    /// Its first word among the texels, and one past its last.
+    pub words: [V::S32; 2],
+    /// Where texel 0 of the square begins on the image plane, along both axes.
+    origin: Vec2<V>,
+    /// Width of a texel there.
+    unit: Vec2<V>,
+}
+
+impl<V: Vpu> Tile<V> {
+    /// Tile `number` of all.
+    #[inline(always)]
+    pub fn new(v: &mut V, layout: &Layout, number: V::S32) -> Tile<V> {
+        let (tile_log2, tiles_log2) = (layout.tile_log2 as i32, layout.tiles_log2() as i32);
+        let column = scalar!(v, number & { (1 << tiles_log2) - 1 });
+        let row = scalar!(v, (number >> { tiles_log2 }) & { (1 << tiles_log2) - 1 });
+        let slot = scalar!(v, number >> { 2 * tiles_log2 });
+        let begin = scalar!(v, number << { 2 * tile_log2 });
+        let end = scalar!(v, begin + { 1 << (2 * tile_log2) });
+        let face = v.s_load(layout.slots.column(field!(MapSlot.face)), slot);
+        Tile {
+            slot,
+            face,
+            place: [column, row],
+            first: [scalar!(v, column << { tile_log2 }), scalar!(v, row << { tile_log2 })],
+            words: [begin, end],
+            origin: each!(axis in [0, 1] => v.vbroadcast_f32(layout.faces.column(field!(MapFace.origin[axis])), face)),
+            unit: each!(axis in [0, 1] => v.vbroadcast_f32(layout.faces.column(field!(MapFace.unit[axis])), face)),
+        }
+    }
+
+    /// Numbers along the first axis of the 16 texels from `x` on, which is counted from the tile's first.
+    #[inline(always)]
+    pub fn columns(&self, v: &mut V, x: V::S32) -> V::I32 {
+        let lane = v.viota();
+        let first = self.first[0];
+        let texel = scalar!(v, first + x);
+        let texel = v.vsplat(texel);
+        int!(v, texel + lane)
+    }
+
+    /// Number along the second axis of the texels at `y`, which is counted from the tile's first.
+    #[inline(always)]
+    pub fn row(&self, v: &mut V, y: V::S32) -> V::I32 {
+        let first = self.first[1];
+        let texel = scalar!(v, first + y);
+        v.vsplat(texel)
+    }
+
+    /// Where the middles of `texels` lie on the image plane along `axis`.
+    #[inline(always)]
+    pub fn middle(&self, v: &mut V, axis: usize, texels: V::I32) -> V::F32 {
+        middle(v, texels, self.unit[axis], self.origin[axis])
+    }
+
+    /// The word of the texel at (x, y), which are counted from the tile's first.
+    #[inline(always)]
+    pub fn word(&self, v: &mut V, layout: &Layout, x: V::S32, y: V::S32) -> V::S32 {
+        let begin = self.words[0];
+        scalar!(v, (begin + x) + (y << { layout.tile_log2 as i32 }))
+    }
+}
+
+/// Where the middles of texels lie on the image plane, along one axis.
+#[inline(always)]
+pub(super) fn middle<V: Vpu>(v: &mut V, texel: V::I32, unit: V::F32, origin: V::F32) -> V::F32 {
+    let half = v.vset_f32(0.5);
+    let texel = v.vcvt_i32_f32(texel);
+    let texel = v.vadd(texel, half);
+    v.vmadd(texel, unit, origin)
+}
+
+/// The first list of a row of tiles.
+#[inline(always)]
+fn list<V: Vpu>(v: &mut V, layout: &Layout, slot: V::S32, row: V::S32) -> V::S32 {
+    let lists = (groups(layout) * GROUP).trailing_zeros() as i32;
+    scalar!(v, ((slot << { layout.tiles_log2() as i32 }) + row) << { lists })
+}
+
+/// Counts or writes what covers the tiles.
 struct Sort {
     lists: Lists,
     /// Where the lists are written; `None` where they are counted.
     items: Option<Addr>,
     boxes: Boxes,
     layout: Layout,
-    /// Number of triangles.
-    count: u32,
 }
 
 impl Kernel for Sort {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
-        let Sort { lists, items, boxes, layout, count } = self;
-        let (first, end) = task_range(v, task, TASK, *count);
+        let Sort { lists, items, boxes, layout } = self;
+        let (first, end) = task_range(v, task, TASK, boxes.count);
         let table = lists.table(v, task);
         if items.is_none() {
             lists.clear_table(v, table);
@@ -281,18 +293,25 @@ impl Kernel for Sort {
                     let first_column = scalar!(v, (columns & 0xffff) >> { tile_log2 });
                     let last_column = scalar!(v, columns >> { 16 + tile_log2 });
                     let bits = scalar!(v, (2 << last_column) - (1 << first_column));
-                    let touched = v.kmov_from_scalar(bits);
                     let mut row = scalar!(v, (rows & 0xffff) >> { tile_log2 });
                     let last_row = scalar!(v, rows >> { 16 + tile_log2 });
                     while v.branch(Compare::LessEqual, row, last_row) {
-                        let list = list(v, layout, slot, row);
-                        let at = scalar!(v, table + list);
-                        if let Some(items) = *items {
-                            let to = lists.place(v, touched, at, list);
-                            let number = v.vsplat(number);
-                            v.vscatter_i32(touched, items, to, number);
-                        } else {
-                            lists.add(v, touched, at);
+                        let first_list = list(v, layout, slot, row);
+                        for group in 0..groups(layout) as i32 {
+                            let touched = scalar!(v, (bits >> { 16 * group }) & 0xffff);
+                            if !v.branch(Compare::NotEqual, touched, nothing) {
+                                continue;
+                            }
+                            let touched = v.kmov_from_scalar(touched);
+                            let list = scalar!(v, first_list + { 16 * group });
+                            let at = scalar!(v, table + list);
+                            if let Some(items) = *items {
+                                let to = lists.place(v, touched, at, list);
+                                let number = v.vsplat(number);
+                                v.vscatter_i32(touched, items, to, number);
+                            } else {
+                                lists.add(v, touched, at);
+                            }
                         }
                         row = scalar!(v, row + 1);
                     }

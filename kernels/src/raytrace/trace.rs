@@ -13,7 +13,7 @@ use lrbsim_workloads::glam::DVec2;
 
 use super::tree::{LEAF, Node, RayTriangle, Tree};
 use crate::clear;
-use crate::columns::{Columns, lanes_below, lower, task_range};
+use crate::columns::{Columns, lanes_below, task_range};
 use crate::expression::{each, int, scalar};
 use crate::field;
 use crate::irregular::primitives::LightConstants;
@@ -23,9 +23,6 @@ use crate::plane::{Vec3, dot, sub};
 use crate::record::Record;
 use crate::scene::fill;
 use crate::segment::Vec2;
-
-/// Packets of a task at most.
-const PACKETS: u32 = 4;
 
 /// Receivers of a task that resolves.
 const TASK: u32 = 256;
@@ -143,11 +140,10 @@ pub(super) fn trace(
     runner: &mut Runner<'_>,
 ) -> Result<(), Stopped> {
     let [hidden] = clear::zeroed(runner, [u64::from(receivers.count) + 16])?;
-    let rays_of_task = rays.count.min(PACKETS);
-    let vectors_of_task = PACKETS / rays_of_task;
-    let groups_log2 = rays.count.div_ceil(rays_of_task).next_power_of_two().trailing_zeros();
-    let kernel = Trace { tree: *tree, receivers, rays, rays_of_task, vectors_of_task, groups_log2, hidden };
-    let tasks = receivers.count.div_ceil(16 * vectors_of_task) << groups_log2;
+    // A task is a packet: tens of thousands of uops among as many triangles.
+    let rays_log2 = rays.count.next_power_of_two().trailing_zeros();
+    let kernel = Trace { tree: *tree, receivers, rays, rays_log2, hidden };
+    let tasks = receivers.count.div_ceil(16) << rays_log2;
     // SAFETY: all tasks of a receiver add to its count, in any order.
     runner.run(&unsafe { Step::independent("trace", tasks, kernel) })?;
     let kernel = Resolve { receivers, rays: rays.count, hidden, visibility };
@@ -155,16 +151,13 @@ pub(super) fn trace(
     runner.run(&unsafe { Step::independent("resolve", receivers.count.div_ceil(TASK), kernel) })
 }
 
-/// Traces some rays of some receivers.
+/// Traces a ray of each of 16 receivers.
 struct Trace {
     tree: Tree,
     receivers: Receivers,
     rays: Rays,
-    rays_of_task: u32,
-    /// Vectors of receivers of a task.
-    vectors_of_task: u32,
-    /// Tasks that share the rays of the same receivers, by their logarithm.
-    groups_log2: u32,
+    /// Tasks of the same receivers, by their logarithm: no fewer than rays.
+    rays_log2: u32,
     /// Rays of each receiver that have hit something.
     hidden: Addr,
 }
@@ -189,49 +182,39 @@ impl Kernel for Trace {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
         let Trace { rays, receivers, .. } = self;
-        let groups_log2 = self.groups_log2 as i32;
-        let part = scalar!(v, task >> { groups_log2 });
-        let number = scalar!(v, (task & { (1 << groups_log2) - 1 }) * { self.rays_of_task as i32 });
-        let end_number = scalar!(v, number + { self.rays_of_task as i32 });
+        let i = scalar!(v, (task >> { self.rays_log2 as i32 }) << 4);
+        let ray = scalar!(v, task & { (1 << self.rays_log2) - 1 });
         let count = v.s_imm(rays.count as i32);
-        let end_number = lower(v, end_number, count);
-        let (mut i, end) = task_range(v, part, 16 * self.vectors_of_task, receivers.count);
-        let per_radius = v.vset_f32(1.0 / rays.light.radius);
+        if v.branch(Compare::LessEqual, count, ray) {
+            return;
+        }
+        let end = v.s_imm(receivers.count as i32);
+        let live = lanes_below(v, i, end);
         let one = v.vset_f32(1.0);
         let none = v.vset_i32(0);
-        let lane = v.viota();
-        while v.branch(Compare::Less, i, end) {
-            let live = lanes_below(v, i, end);
-            let columns = receivers.columns;
-            let origin = each!(axis in [0, 1, 2] => {
-                v.vload_f32_or(one, live, columns.column(field!(Receiver.position[axis])), i)
-            });
-            let own = v.vload_i32_or(none, live, columns.column(field!(Receiver.triangle)), i);
+        let columns = receivers.columns;
+        let origin = each!(axis in [0, 1, 2] => {
+            v.vload_f32_or(one, live, columns.column(field!(Receiver.position[axis])), i)
+        });
+        let own = v.vload_i32_or(none, live, columns.column(field!(Receiver.triangle)), i);
+        let target = if rays.light.is_soft() {
+            let per_radius = v.vset_f32(1.0 / rays.light.radius);
             let view = View::new(v, &rays.light.shape, origin, per_radius);
             let random = self.random(v, live, i);
-            let mut hidden = none;
-            let mut ray = number;
-            while v.branch(Compare::Less, ray, end_number) {
-                let target = if rays.light.is_soft() {
-                    let place = rays.place(v, ray, &random);
-                    view.point(v, place, rays.light.radius)
-                } else {
-                    let middle = v.vset_f32(0.0);
-                    [middle; 3]
-                };
-                let packet = packet(v, origin, target, own);
-                let hits = self.hits(v, live, &packet);
-                let one = v.vset_i32(1);
-                hidden = v.viadd_or(hidden, hits, hidden, one);
-                ray = scalar!(v, ray + 1);
-            }
-            let some = v.vicmp_neq_masked(live, hidden, none);
-            if v.branch_any(some) {
-                let receiver = v.vsplat(i);
-                let receiver = int!(v, receiver + lane);
-                v.vatomic_add_or(none, some, self.hidden, receiver, hidden);
-            }
-            i = scalar!(v, i + 16);
+            let place = rays.place(v, ray, &random);
+            view.point(v, place, rays.light.radius)
+        } else {
+            let middle = v.vset_f32(0.0);
+            [middle; 3]
+        };
+        let packet = packet(v, origin, target, own);
+        let hits = self.hits(v, live, &packet);
+        if v.branch_any(hits) {
+            let one = v.vset_i32(1);
+            let lane = v.viota();
+            let receiver = v.vsplat(i);
+            let receiver = int!(v, receiver + lane);
+            v.vatomic_add_or(none, hits, self.hidden, receiver, one);
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Soft irregular shadow mapping [johnson09, §2], in its exact form [algorithms, 2.5 and 2.6] or as printed.
 //!
 //! ```text
-//! silhouette              records of triangles, weights and records of edges
+//! irregular: silhouette   records of triangles, weights and records of edges
 //! irregular: grid         receivers into the cells of up to six faces, in cell order
 //! irregular: bin          triangles and edges to bins
 //! irregular: raster, run  … to (cell, primitive) records, and samples to runs of equal work
@@ -13,7 +13,6 @@
 //! compose                 own triangles taken out, one clamp, visibility to the pixels
 //! ```
 
-pub mod silhouette;
 pub mod hard;
 pub mod soft;
 pub mod compose;
@@ -36,6 +35,7 @@ use crate::irregular::primitives::{Form, Kind, LightConstants, Primitives};
 use crate::irregular::raster::Raster;
 use crate::irregular::receivers::Receivers;
 use crate::irregular::run::{RunSizes, Runs, Walk};
+use crate::irregular::silhouette;
 use crate::method::{Method, Shadows, read};
 use crate::samples::LightSamples;
 use crate::scene::{ObjectNumbers, Scene};

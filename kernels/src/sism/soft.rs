@@ -297,25 +297,11 @@ pub fn on_disc<V: Vpu>(
     (live, [u0, u1])
 }
 
-/// Part `f` of the disc in fixed point, rounded after `offset` is added, see [`rounding_offset`].
+/// Part `f` of the disc in fixed point, rounded after `offset` is added, see [`rounding_offset`](crate::irregular::silhouette::rounding_offset).
 #[inline(always)]
 pub fn fixed<V: Vpu>(v: &mut V, f: V::F32, offset: V::F32) -> V::I32 {
     let whole = v.vset_f32(WHOLE);
     let scaled = v.vmadd(f, whole, offset);
     let rounded = v.vround(scaled);
     v.vcvt_f32_i32(rounded)
-}
-
-/// What edge `number` adds before it rounds, in (-1/2, 1/2): multiples of the golden ratio modulo 1, which lie as evenly as can be.
-///
-/// Ten thousand equal terms (the edges of a regular body) would else all round the same way, and their sum be off by
-/// 1e-4 of the light [algorithms, 6.9]. A part of 0 stays 0, since the offset is less than a half.
-#[inline(always)]
-pub fn rounding_offset<V: Vpu>(v: &mut V, number: V::I32) -> V::F32 {
-    let golden = v.vset_i32(0x9e37_79b9_u32 as i32);
-    let turned = int!(v, number * golden);
-    let turned = v.vcvt_i32_f32(turned);
-    // Below 2^-32, so that the greatest stays below a half.
-    let unit = v.vset_f32(0.999_999 / 4_294_967_296.0);
-    v.vmul(turned, unit)
 }

@@ -590,3 +590,16 @@ pub fn same_on_all_back_ends(method: &dyn Method, options: &str, input: &ShadowI
         assert!(bits(&draw(method, options, input, on)) == bits(&first), "{on:?} gives another picture");
     }
 }
+
+/// A half plane at depth 2 over a floor at depth 4, under a light of radius 0.2: the penumbra on the floor is 0.4 wide, and its
+/// profile that of a disc behind a straight edge.
+pub fn half_plane(across: &[f64]) -> ShadowInput {
+    let mut mesh = Mesh::default();
+    let at = |x: f64, y: f64| DVec3::new(x, y, -2.0);
+    add_triangle(&mut mesh, [at(0.0, -9.0), at(0.0, 9.0), at(-9.0, 0.0)]);
+    let receivers: Vec<(DVec3, u32)> = across
+        .iter()
+        .flat_map(|&x| (0..64).map(move |k| (DVec3::new(x, f64::from(k) * 0.01 - 0.32, -4.0), u32::MAX)))
+        .collect();
+    input(mesh, sphere(0.2), &receivers)
+}

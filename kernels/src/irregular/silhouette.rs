@@ -7,14 +7,13 @@
 
 use lrbsim_isa::{Addr, Compare, Kernel, Runner, Step, Stopped, Vpu, math};
 
-use super::soft::rounding_offset;
+use super::primitives::{EdgeRecord, LightConstants, Primitives, TriangleRecord};
+use super::touch::faces_of_edges;
+use super::triangles;
 use crate::clear;
 use crate::columns::{lanes_below, task_range};
 use crate::expression::{each, int, scalar};
 use crate::field;
-use crate::irregular::primitives::{EdgeRecord, LightConstants, Primitives, TriangleRecord};
-use crate::irregular::touch::faces_of_edges;
-use crate::irregular::triangles;
 use crate::plane::{dot, edge_normal, sub};
 use crate::record::{Records, words};
 use crate::scene::{Edge, ObjectNumbers, Scene};
@@ -258,4 +257,18 @@ impl Kernel for EdgeRecords {
             i = scalar!(v, i + 16);
         }
     }
+}
+
+/// What edge `number` adds before it rounds, in (-1/2, 1/2): multiples of the golden ratio modulo 1, which lie as evenly as can be.
+///
+/// Ten thousand equal terms (the edges of a regular body) would else all round the same way, and their sum be off by
+/// 1e-4 of the light [algorithms, 6.9]. A part of 0 stays 0, since the offset is less than a half.
+#[inline(always)]
+pub fn rounding_offset<V: Vpu>(v: &mut V, number: V::I32) -> V::F32 {
+    let golden = v.vset_i32(0x9e37_79b9_u32 as i32);
+    let turned = int!(v, number * golden);
+    let turned = v.vcvt_i32_f32(turned);
+    // Below 2^-32, so that the greatest stays below a half.
+    let unit = v.vset_f32(0.999_999 / 4_294_967_296.0);
+    v.vmul(turned, unit)
 }

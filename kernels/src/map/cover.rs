@@ -1,0 +1,141 @@
+//! Which texels triangles may cover.
+
+#![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
+
+use lrbsim_isa::{Compare, Kernel, Runner, Step, Stopped, Vpu};
+
+use super::layout::{Layout, MapFace, MapSlot};
+use super::tiles::Boxes;
+use crate::columns::{lanes_below, task_range};
+use crate::expression::{each, int, scalar};
+use crate::field;
+use crate::irregular::primitives::{BACK, FRONT, TriangleRecord};
+use crate::irregular::{FACES, FAR};
+use crate::plane::Vec3;
+use crate::record::{Records, words};
+use crate::scene::{Scene, Triangle};
+use crate::segment::Vec2;
+
+/// Number of triangles that a task handles.
+const TASK: u32 = 256;
+
+/// Nearest depth at which things are looked for, in parts of the largest coordinate: those that reach nearer, or behind the light,
+/// are cut there to find the texels that they may cover.
+pub const NEAR: f32 = 1e-4;
+
+/// Finds the texels that triangles may cover. `largest`: the largest coordinate of all vertices.
+pub(super) fn triangles(
+    scene: &Scene,
+    triangles: Records<TriangleRecord>,
+    layout: &Layout,
+    largest: f32,
+    runner: &mut Runner<'_>,
+) -> Result<Boxes, Stopped> {
+    let boxes = Boxes::new(runner.arena, layout, scene.triangle_count);
+    let kernel = Cover { scene: *scene, triangles, layout: *layout, near: NEAR * largest, boxes };
+    // SAFETY: each task writes the boxes of its own triangles.
+    runner
+        .run(&unsafe { Step::independent("triangle boxes", scene.triangle_count.div_ceil(TASK), kernel) })?;
+    Ok(boxes)
+}
+
+/// Finds the texels that triangles may cover.
+struct Cover {
+    scene: Scene,
+    triangles: Records<TriangleRecord>,
+    layout: Layout,
+    near: f32,
+    boxes: Boxes,
+}
+
+impl Kernel for Cover {
+    #[inline(always)]
+    fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
+        let Cover { scene, layout, boxes, .. } = self;
+        let (mut i, end) = task_range(v, task, TASK, scene.triangle_count);
+        let lane = v.viota();
+        let none = v.vset_i32(0);
+        let record_words = v.vset_i32(words::<TriangleRecord>() as i32);
+        let layer = v.vset_i32(FRONT | BACK);
+        let slots = v.s_imm(layout.slot_count as i32);
+        while v.branch(Compare::Less, i, end) {
+            let live = lanes_below(v, i, end);
+            let corners =
+                each!(k in [0, 1, 2] => v.vload_i32(scene.triangles.column(field!(Triangle.corners[k])), i));
+            let corners = each!(k in [0, 1, 2] => scene.positions(v, live, corners[k]));
+            // Triangles that are layers of nothing cast no shadow.
+            let first = v.vsplat(i);
+            let at = int!(v, (first + lane) * record_words);
+            let flags =
+                v.vgather_i32_or(none, live, self.triangles.field(field!(TriangleRecord.flags[0])), at);
+            let layers = int!(v, flags & layer);
+            let counted = v.vicmp_neq_masked(live, layers, none);
+            let mut slot = v.s_imm(0);
+            while v.branch(Compare::Less, slot, slots) {
+                let face = v.s_load(layout.slots.column(field!(MapSlot.face)), slot);
+                // The code of each face knows its axes.
+                for number in 0..FACES {
+                    let this = v.s_imm(number as i32);
+                    if v.branch(Compare::Equal, face, this) {
+                        let reach = self.on_face(v, number, corners);
+                        boxes.store(v, layout, slot, i, counted, reach);
+                    }
+                }
+                slot = scalar!(v, slot + 1);
+            }
+            i = scalar!(v, i + 16);
+        }
+    }
+}
+
+impl Cover {
+    /// The texels that 16 triangles reach on a face, with their parts: from where and to where along both axes.
+    #[inline(always)]
+    fn on_face<V: Vpu>(&self, v: &mut V, face: u32, corners: [Vec3<V>; 3]) -> [Vec2<V>; 2] {
+        let (zero, one) = (v.vset_f32(0.0), v.vset_f32(1.0));
+        let near = v.vset_f32(self.near);
+        let axis = face as usize / 2;
+        let depths = each!(k in [0, 1, 2] => {
+            let along = corners[k][axis];
+            if face.is_multiple_of(2) { along } else { v.vsub(zero, along) }
+        });
+        let ahead = each!(k in [0, 1, 2] => v.vcmp_gt(depths[k], near));
+        let inverse = each!(k in [0, 1, 2] => v.vrcp_or(one, ahead[k], depths[k]));
+        // Where edges pass the nearest depth, as parts of them.
+        let passes = each!(k in [0, 1, 2] => v.kxor(ahead[k], ahead[(k + 1) % 3]));
+        let some = v.kor(passes[0], passes[1]);
+        let some = v.branch_any(some);
+        let parts = each!(k in [0, 1, 2] => {
+            let along = v.vsub(depths[(k + 1) % 3], depths[k]);
+            let along = v.vrcp_or(zero, passes[k], along);
+            let to_near = v.vsub(near, depths[k]);
+            v.vmul(to_near, along)
+        });
+        let number = v.s_imm(face as i32);
+        let (far, minus_far) = (v.vset_f32(FAR), v.vset_f32(-FAR));
+        let per_near = v.vset_f32(1.0 / self.near);
+        let [[low_x, high_x], [low_y, high_y]] = each!(plane_axis in [0, 1] => {
+            let origin = v.vbroadcast_f32(self.layout.faces.column(field!(MapFace.origin[plane_axis])), number);
+            let per_unit =
+                v.vbroadcast_f32(self.layout.faces.column(field!(MapFace.per_unit[plane_axis])), number);
+            let of = (axis + 1 + plane_axis) % 3;
+            let (mut low, mut high) = (far, minus_far);
+            for k in 0..3 {
+                let place = v.vmul(corners[k][of], inverse[k]);
+                low = v.vmin_or(low, ahead[k], low, place);
+                high = v.vmax_or(high, ahead[k], high, place);
+                if some {
+                    let side = v.vsub(corners[(k + 1) % 3][of], corners[k][of]);
+                    let place = v.vmadd(side, parts[k], corners[k][of]);
+                    let place = v.vmul(place, per_near);
+                    low = v.vmin_or(low, passes[k], low, place);
+                    high = v.vmax_or(high, passes[k], high, place);
+                }
+            }
+            let low = v.vsub(low, origin);
+            let high = v.vsub(high, origin);
+            [v.vmul(low, per_unit), v.vmul(high, per_unit)]
+        });
+        [[low_x, low_y], [high_x, high_y]]
+    }
+}
