@@ -50,7 +50,9 @@ fn an_unknown_name_lists_the_known_ones() {
     refused(
         &folder,
         &["tiny", "-a", "sism2"],
-        &["`sism2` is no algorithm; it must be `sism`, `hard`, `shadow-map`, `pcss` or `raytrace`"],
+        &[
+            "`sism2` is no algorithm; it must be `sism`, `hard`, `shadow-map`, `pcss`, `penumbra-map` or `raytrace`",
+        ],
     );
     refused(
         &folder,

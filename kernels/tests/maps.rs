@@ -3,8 +3,8 @@
 mod common;
 
 use common::{
-    On, Random, add_triangle, draw, half_plane, input, polygons, random_scene, run_step,
-    same_on_all_back_ends, shipped, sphere,
+    On, Random, draw, half_plane, input, polygons, random_scene, run_step, same_on_all_back_ends, shipped,
+    sphere,
 };
 use lrbsim_isa::{Arena, HostSimd, Phase, Runner, Step};
 use lrbsim_kernels::field;
@@ -14,7 +14,7 @@ use lrbsim_kernels::pcss::Pcss;
 use lrbsim_kernels::shadow_map::ShadowMap;
 use lrbsim_kernels::sism::Sism;
 use lrbsim_workloads::glam::DVec3;
-use lrbsim_workloads::{Light, Mesh, ShadowInput};
+use lrbsim_workloads::{Light, ShadowInput};
 
 fn on() -> On {
     On::Host(HostSimd::detect(), 2)

@@ -9,6 +9,8 @@ use lrbsim_kernels::field;
 use lrbsim_kernels::irregular::primitives::{EdgeRecord, Form, TriangleRecord};
 use lrbsim_kernels::irregular::receivers::Receiver;
 use lrbsim_kernels::light::View;
+use lrbsim_kernels::raytrace::trace::{hit, packet};
+use lrbsim_kernels::raytrace::tree::RayTriangle;
 use lrbsim_kernels::record::{Field, Records};
 use lrbsim_kernels::segment::{Angle, segment};
 use lrbsim_kernels::sism::hard::hidden;
@@ -18,10 +20,11 @@ use lrbsim_kernels::sism::{Choices, Overlap};
 use lrbsim_workloads::LightShape;
 use lrbsim_workloads::glam::DVec3;
 
-/// As in the docs of [`segment`], [`hidden`], [`add_edge`] and [`Printed::part`].
+/// As in the docs of [`segment`], [`hidden`], [`add_edge`], [`hit`] and [`Printed::part`].
 const SEGMENT: [u64; 2] = [17, 88];
 const HIDDEN: [u64; 2] = [30, 39];
 const EDGE: [u64; 2] = [66, 157];
+const RAY: u64 = 57;
 const PRINTED: [u64; 2] = [34, 102];
 
 /// Uops of one task of `kernel`, spills included.
@@ -116,6 +119,47 @@ fn a_hidden_test_costs_what_its_doc_says() {
     };
     assert_eq!(cost_at(-1.0), HIDDEN[0], "a miss by the edges");
     assert_eq!(cost_at(1.0), HIDDEN[1], "a hit");
+}
+
+/// One triangle, and rays along z that pass it or not.
+#[derive(Clone)]
+struct Ray(Records<RayTriangle>);
+
+impl Lanewise<3, 1> for Ray {
+    #[inline(always)]
+    fn eval<V: Vpu>(&self, v: &mut V, [x, y, z]: [V::F32; 3]) -> [V::F32; 1] {
+        let all = v.mask_all();
+        let first = v.s_imm(0);
+        let own = v.bits_of(x);
+        let packet = packet(v, [x, y, z], [x, x, x], own);
+        let hits = hit(v, all, &packet, self.0.at(first));
+        [v.vblend_f32(hits, x, x)]
+    }
+}
+
+/// What a packet is made of, and no triangle.
+#[derive(Clone)]
+struct NoRay;
+
+impl Lanewise<3, 1> for NoRay {
+    #[inline(always)]
+    fn eval<V: Vpu>(&self, v: &mut V, [x, y, z]: [V::F32; 3]) -> [V::F32; 1] {
+        let own = v.bits_of(x);
+        packet(v, [x, y, z], [x, x, x], own);
+        [x]
+    }
+}
+
+#[test]
+fn a_ray_against_a_triangle_costs_what_its_doc_says() {
+    let mut arena = Arena::new();
+    arena.poison_with(0);
+    let from: Columns<[f32; 3]> = Columns::overwritten(&mut arena, 16);
+    let record = Records::overwritten(&mut arena, 1);
+    // The mask and the blend at the end are not the test's.
+    let with = cost(Once { function: Some(Ray(record)), from }, &mut arena);
+    let without = cost(Once { function: Some(NoRay), from }, &mut arena);
+    assert_eq!(with - without - 2, RAY);
 }
 
 #[derive(Clone)]

@@ -27,6 +27,8 @@ pub struct MapFace {
     pub per_unit: [f32; 2],
     /// Width of a texel on the image plane.
     pub unit: [f32; 2],
+    /// Reciprocal depth of the farthest receiver: whatever throws a penumbra throws it no farther.
+    pub farthest: f32,
     /// Number of its square among those of the faces that see receivers.
     pub slot: i32,
 }
@@ -135,6 +137,11 @@ impl Kernel for Squares {
             self.store(v, seen, field!(MapFace.per_unit[axis]), per_unit);
             self.store(v, seen, field!(MapFace.unit[axis]), unit);
         }
+
+        let minus_deepest = v.vgather_f32_or(zero, seen, self.bounds.field(field!(FaceBounds.least[5])), at);
+        let deepest = v.vsub(zero, minus_deepest);
+        let farthest = v.vrcp_or(zero, seen, deepest);
+        self.store(v, seen, field!(MapFace.farthest), farthest);
 
         let is_seen = v.vblend_i32(seen, one, none);
         let through = scan::running_sums(v, is_seen, lane, none);

@@ -256,12 +256,16 @@ impl Project {
         (any, images)
     }
 
-    /// The texels that penumbras of these images reach, with their parts: from where and to where along both axes.
+    /// The texels that penumbras of these images reach on what no receiver lies beyond, with their parts: from where and to where
+    /// along both axes.
     #[inline(always)]
     fn reach<V: Vpu>(&self, v: &mut V, face: V::S32, images: [Vec3<V>; 2]) -> [Vec2<V>; 2] {
         let radius = v.vset_f32(self.radius);
         let nearest = v.vmax(images[0][2], images[1][2]);
-        let width = v.vmul(nearest, radius);
+        let farthest = v.vbroadcast_f32(self.layout.faces.column(field!(MapFace.farthest)), face);
+        let width = reach(v, nearest, farthest, radius);
+        let zero = v.vset_f32(0.0);
+        let width = v.vmax(width, zero);
         let [x, y] = each!(axis in [0, 1] => {
             let origin = v.vbroadcast_f32(self.layout.faces.column(field!(MapFace.origin[axis])), face);
             let per_unit = v.vbroadcast_f32(self.layout.faces.column(field!(MapFace.per_unit[axis])), face);

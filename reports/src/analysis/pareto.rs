@@ -3,7 +3,7 @@
 use super::{Data, Finding, Row};
 use crate::metric::title;
 use crate::plot::{Axis, Lines, Look, Plot, Series};
-use crate::sheet::{Cell, Sheet, show_value};
+use crate::sheet::{Cell, Sheet, short, show_value};
 use crate::study::Analysis;
 
 pub(super) fn pareto(data: &Data, analysis: &Analysis) -> Finding {
@@ -28,9 +28,16 @@ pub(super) fn pareto(data: &Data, analysis: &Analysis) -> Finding {
     columns.extend(extra.iter().map(|path| title(path)));
     columns.push("front".to_owned());
     let (mut rows, mut series) = (Vec::new(), Vec::new());
+    let mut rivals: Vec<(String, Vec<((f64, f64), bool)>)> = Vec::new();
     for (name, known) in &groups {
         let front = front(&known.iter().map(|known| known.place).collect::<Vec<_>>());
-        for (Known { row, .. }, on) in known.iter().zip(&front) {
+        for (Known { row, place }, on) in known.iter().zip(&front) {
+            let others = row.values.iter().enumerate().filter(|(axis, _)| Some(*axis) != each);
+            let rival = others.map(|(_, value)| show_value(value)).collect::<Vec<_>>().join(", ");
+            match rivals.iter_mut().find(|(other, _)| *other == rival) {
+                Some((_, points)) => points.push((*place, *on)),
+                None => rivals.push((rival, vec![(*place, *on)])),
+            }
             let mut cells: Vec<Cell> = row.values.iter().map(Cell::value).collect();
             cells.extend(extra.iter().map(|path| Cell::maybe(data.number(row, path))));
             cells.push(Cell::Text(if *on { "yes" } else { "" }.to_owned()));
@@ -61,13 +68,36 @@ pub(super) fn pareto(data: &Data, analysis: &Analysis) -> Finding {
         }
         (_, None) => "The front: no other point has less of one number and no more of the other.".to_owned(),
     };
+    let mut notes = vec![note];
+    if each.is_some() {
+        notes.extend(rivals.iter().map(|(rival, points)| summary(rival, points, &x, &y)));
+    }
     Finding {
         name: "pareto".to_owned(),
         title: format!("{} against {}", title(&y), title(&x)),
-        notes: vec![note],
+        notes,
         plot: (!rows.is_empty()).then_some(Plot::Lines(plot)),
         sheet: Sheet { columns, rows },
     }
+}
+
+/// What is to be had from one rival, over all groups: a sentence.
+fn summary(rival: &str, points: &[((f64, f64), bool)], x: &str, y: &str) -> String {
+    let range = |number: fn(&(f64, f64)) -> f64| {
+        let numbers = || points.iter().map(|(place, _)| number(place));
+        let (low, high) =
+            (numbers().fold(f64::INFINITY, f64::min), numbers().fold(f64::NEG_INFINITY, f64::max));
+        if low == high { short(low) } else { format!("{} to {}", short(low), short(high)) }
+    };
+    let on = points.iter().filter(|(_, on)| *on).count();
+    format!(
+        "{rival}: {} {}, {} {}; on the front of {on} of {}.",
+        title(x),
+        range(|place| place.0),
+        title(y),
+        range(|place| place.1),
+        points.len()
+    )
 }
 
 /// A point that has both numbers.
@@ -107,6 +137,9 @@ mod tests {
         assert_eq!(each.kind, AnalysisKind::Pareto);
         study.study.analysis[0] = AnalysisEntry::Options(each);
         assert_eq!(fronts(&study), [true, false, true, true]);
+        let findings = crate::analysis::findings(&Digest::of(&study));
+        let notes = &findings.iter().find(|finding| finding.name == "pareto").expect("asked for").notes;
+        assert!(notes[2].starts_with("2: ") && notes[2].ends_with("on the front of 1 of 2."), "{notes:?}");
     }
 
     #[test]
