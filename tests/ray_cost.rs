@@ -60,8 +60,8 @@ fn cycles(fidelity: Fidelity, times: u32) -> u64 {
     let words = TRIANGLES as usize * size_of::<RayTriangle>() / 4;
     let triangles = Records::from_base(arena.alloc_f32(&vec![0.0; words]));
     let step = Step::ordered("rays", TASKS, Tests { triangles, times, hits });
-    let source = StepSource::new(&step, &mut arena, HostSimd::detect(), 1);
-    let cycles = chip.run_step(&source).expect("moves").cycles;
+    let cycles =
+        chip.run_step(&StepSource::new(&step, &mut arena, HostSimd::detect(), 1)).expect("moves").cycles;
     assert_eq!(arena.read_u32(hits), 0xffff, "no ray hits");
     cycles
 }

@@ -24,7 +24,7 @@ use lrbsim_workloads::glam::DVec3;
 const SEGMENT: [u64; 2] = [17, 88];
 const HIDDEN: [u64; 2] = [30, 39];
 const EDGE: [u64; 2] = [66, 157];
-const RAY: u64 = 57;
+const RAY: u64 = 52;
 const PRINTED: [u64; 2] = [34, 102];
 
 /// Uops of one task of `kernel`, spills included.

@@ -20,7 +20,7 @@ pub enum Bias {
     /// Than the plane of the receiver's own triangle at the texel's middle, by what f32 rounds there: a plane does not shadow
     /// itself, however slantwise it lies and however large texels are.
     Plane,
-    /// Than the receiver itself, by the same part everywhere [williams78].
+    /// Than the receiver itself, by the same part everywhere (Williams 1978).
     Constant,
 }
 

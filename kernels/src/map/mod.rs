@@ -1,5 +1,5 @@
 //! What methods with a regular shadow map share: a picture of the scene from the middle of the light, of one reciprocal depth a
-//! texel [williams78].
+//! texel (Williams 1978).
 //!
 //! ```text
 //! receivers ─► bounds ─► layout    a square of texels for each of six faces around the light that sees receivers

@@ -119,7 +119,7 @@ impl Tiles {
         runner: &mut Runner<'_>,
     ) -> Result<Tiles, Stopped> {
         let tasks = boxes.count.div_ceil(TASK);
-        let list_count = layout.slot_count * groups(layout) * GROUP << layout.tiles_log2();
+        let list_count = (layout.slot_count * groups(layout) * GROUP) << layout.tiles_log2();
         let [starts] = clear::zeroed(runner, [Lists::start_words(list_count)])?;
         let lists = Lists::new(runner.arena, starts, list_count, tasks, list_count);
         let sort = |items| Sort { lists, items, boxes, layout: *layout };

@@ -1,4 +1,4 @@
-//! Percentage-closer soft shadows [fernando05]: a shadow map whose filter is as wide as the penumbra would be, if all that hides
+//! Percentage-closer soft shadows (Fernando 2005): a shadow map whose filter is as wide as the penumbra would be, if all that hides
 //! the light were as far from it as what the map has around a receiver is on average.
 //!
 //! ```text

@@ -1,4 +1,4 @@
-//! Penumbra maps [wyman03]: a shadow map, and beside it a map of the outer penumbras that silhouettes throw on what it shows.
+//! Penumbra maps (Wyman and Hansen 2003): a shadow map, and beside it a map of the outer penumbras that silhouettes throw on what it shows.
 //!
 //! ```text
 //! map: setup, tiles, draw    the shadow map
@@ -418,7 +418,7 @@ pub fn by_depths<V: Vpu>(v: &mut V, linear: V::F32, edge: V::F32, surface: V::F3
     math::div(v, over, cone)
 }
 
-/// Bernstein's cubic, `3 t^2 - 2 t^3` [parker98].
+/// Bernstein's cubic, `3 t^2 - 2 t^3` (Parker et al. 1998).
 #[inline(always)]
 pub fn smooth<V: Vpu>(v: &mut V, t: V::F32) -> V::F32 {
     let (two, three) = (v.vset_f32(2.0), v.vset_f32(3.0));

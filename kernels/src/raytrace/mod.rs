@@ -1,9 +1,9 @@
-//! Distribution ray tracing [cook84]: from every receiver to random points of the light, and the part of the rays that arrive.
+//! Distribution ray tracing (Cook et al. 1984): from every receiver to random points of the light, and the part of the rays that arrive.
 //!
 //! ```text
 //! triangles ─► order: centers ─► Morton codes ─► sort      along a curve through the scene
 //!                                                 │
-//!                              tree: leaves ─► levels      a linear bounding volume hierarchy [lauterbach09]
+//!                              tree: leaves ─► levels      a linear bounding volume hierarchy (Lauterbach et al. 2009)
 //!                                                 │
 //! receivers ──────────────────────────────────► trace      packets of 16 rays through the tree
 //!                                                 │

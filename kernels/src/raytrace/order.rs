@@ -178,7 +178,7 @@ impl Kernel for Codes {
             [low, math::div(v, most, extent)]
         });
         // Each bit of an axis is followed by two of the others.
-        let spreading = [(4, 0x00f0_0f), (2, 0x0c_30c3), (1, 0x24_9249)].map(|(by, keep)| [by, keep]);
+        let spreading = [[8, 0x0000_f00f], [4, 0x000c_30c3], [2, 0x0024_9249]];
         while v.branch(Compare::Less, i, end) {
             let live = lanes_below(v, i, end);
             let [x, y, z] = each!(axis in [0, 1, 2] => {
@@ -190,7 +190,7 @@ impl Kernel for Codes {
                 let place = v.vmin(place, most);
                 let mut bits = v.vcvt_f32_i32(place);
                 for [by, keep] in spreading {
-                    let by = v.vset_i32(2 * by);
+                    let by = v.vset_i32(by);
                     let keep = v.vset_i32(keep);
                     bits = int!(v, (bits | (bits << by)) & keep);
                 }

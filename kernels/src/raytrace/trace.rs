@@ -320,7 +320,7 @@ fn meets<V: Vpu>(v: &mut V, live: V::Mask, packet: &Packet<V>, node: Record<V, N
     v.vcmp_le_masked(live, enter, leave)
 }
 
-/// The rays of `live` that hit a triangle between their ends [moeller97], without a division. 57 operations.
+/// The rays of `live` that hit a triangle between their ends (Möller and Trumbore 1997), without a division. 52 operations.
 #[inline(always)]
 pub fn hit<V: Vpu>(
     v: &mut V,

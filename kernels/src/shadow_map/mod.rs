@@ -1,4 +1,4 @@
-//! Shadow maps [williams78] with percentage-closer filtering [reeves87]: what is drawn from the middle of the light hides what lies
+//! Shadow maps (Williams 1978) with percentage-closer filtering (Reeves et al. 1987): what is drawn from the middle of the light hides what lies
 //! behind it, and the light of a receiver is the part of some texels around it that do not hide it.
 //!
 //! The penumbra is as wide as the filter, whatever the size of the light: the light is a point. Shadows are found by texels, so

@@ -216,7 +216,7 @@ impl Method for Sism {
     }
 }
 
-/// Irregular hard shadows [johnson04], as a method among others: the kernels of [`Sism`] for the middle of the light alone.
+/// Irregular hard shadows (Johnson et al. 2004), as a method among others: the kernels of [`Sism`] for the middle of the light alone.
 pub struct Hard;
 
 impl Method for Hard {

@@ -597,9 +597,13 @@ pub fn half_plane(across: &[f64]) -> ShadowInput {
     let mut mesh = Mesh::default();
     let at = |x: f64, y: f64| DVec3::new(x, y, -2.0);
     add_triangle(&mut mesh, [at(0.0, -9.0), at(0.0, 9.0), at(-9.0, 0.0)]);
+    add_triangle(
+        &mut mesh,
+        [(-40.0, -40.0), (40.0, -40.0), (0.0, 60.0)].map(|(x, y)| DVec3::new(x, y, -4.0)),
+    );
     let receivers: Vec<(DVec3, u32)> = across
         .iter()
-        .flat_map(|&x| (0..64).map(move |k| (DVec3::new(x, f64::from(k) * 0.01 - 0.32, -4.0), u32::MAX)))
+        .flat_map(|&x| (0..64).map(move |k| (DVec3::new(x, f64::from(k) * 0.01 - 0.32, -4.0), 1)))
         .collect();
     input(mesh, sphere(0.2), &receivers)
 }

@@ -28,7 +28,7 @@ pub(super) fn pareto(data: &Data, analysis: &Analysis) -> Finding {
     columns.extend(extra.iter().map(|path| title(path)));
     columns.push("front".to_owned());
     let (mut rows, mut series) = (Vec::new(), Vec::new());
-    let mut rivals: Vec<(String, Vec<((f64, f64), bool)>)> = Vec::new();
+    let mut rivals: Vec<(String, Vec<Rated>)> = Vec::new();
     for (name, known) in &groups {
         let front = front(&known.iter().map(|known| known.place).collect::<Vec<_>>());
         for (Known { row, place }, on) in known.iter().zip(&front) {
@@ -82,7 +82,7 @@ pub(super) fn pareto(data: &Data, analysis: &Analysis) -> Finding {
 }
 
 /// What is to be had from one rival, over all groups: a sentence.
-fn summary(rival: &str, points: &[((f64, f64), bool)], x: &str, y: &str) -> String {
+fn summary(rival: &str, points: &[Rated], x: &str, y: &str) -> String {
     let range = |number: fn(&(f64, f64)) -> f64| {
         let numbers = || points.iter().map(|(place, _)| number(place));
         let (low, high) =
@@ -99,6 +99,9 @@ fn summary(rival: &str, points: &[((f64, f64), bool)], x: &str, y: &str) -> Stri
         points.len()
     )
 }
+
+/// The place of a point, and whether it is on the front.
+type Rated = ((f64, f64), bool);
 
 /// A point that has both numbers.
 struct Known<'a> {
@@ -126,7 +129,7 @@ mod tests {
         let times = [8.0, 9.0, 90.0, 50.0];
         let points: Vec<(&[Value], f64)> = points.iter().map(|values| &values[..]).zip(times).collect();
         let mut study = crate::analysis::tests::study(&["scene", "cores"], &["pareto"], &points);
-        let fronts = |study| {
+        let fronts = |study: &crate::study::StudyReport| {
             let findings = crate::analysis::findings(&Digest::of(study));
             let sheet = &findings.iter().find(|finding| finding.name == "pareto").expect("asked for").sheet;
             sheet.rows.iter().map(|row| row.last().expect("a cell").shown() == "yes").collect::<Vec<_>>()

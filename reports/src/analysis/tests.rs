@@ -154,6 +154,7 @@ fn the_same_analysis_twice_has_two_names() {
         kind: AnalysisKind::Pareto,
         x: Some("total.ms".to_owned()),
         y: Some("machine.cores".to_owned()),
+        each: None,
     });
     let names: Vec<String> = findings(&Digest::of(&twice)).into_iter().map(|finding| finding.name).collect();
     assert_eq!(names, ["table", "pareto", "pareto-2"]);

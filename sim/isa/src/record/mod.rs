@@ -89,19 +89,37 @@ fn endless_run() -> ! {
     panic!("a kernel runs {RUN_UOPS_MAX} uops without a branch; its loops must branch")
 }
 
+/// Producers that an operation has at most.
+const PRODUCERS_MAX: usize = 6;
+
+/// Producer `index` of `N`; [`Record::NONE`] past the last.
+///
+/// What follows asks for one after the other, and not in a loop: a kernel has thousands of operations, and the compiler spent
+/// more than half of its time on their loops of two or three turns.
+#[inline(always)]
+fn producer<const N: usize>(ids: &[usize; N], index: usize) -> usize {
+    const { assert!(N <= PRODUCERS_MAX, "an operation with more producers than are looked at") };
+    if index < N { ids[index] } else { Record::NONE }
+}
+
 /// The youngest three of `N` producers, in no order; the older ones have arrived when these have.
 #[inline(always)]
 fn youngest_three<const N: usize>(ids: [usize; N]) -> [usize; 3] {
-    let mut kept = [0; 3];
-    for (i, id) in ids.into_iter().enumerate() {
-        if i < 3 {
-            kept[i] = id;
-        } else {
-            // Drop the oldest of the four.
-            let (old, young) = (kept[0].min(kept[1]), kept[0].max(kept[1]));
-            let (old2, young2) = (kept[2].min(id), kept[2].max(id));
-            kept = [young, young2, old.max(old2)];
-        }
+    // Drops the oldest of four.
+    let keep = |[a, b, c]: [usize; 3], id: usize| {
+        let (old, young) = (a.min(b), a.max(b));
+        let (old2, young2) = (c.min(id), c.max(id));
+        [young, young2, old.max(old2)]
+    };
+    let mut kept = [producer(&ids, 0), producer(&ids, 1), producer(&ids, 2)];
+    if N >= 4 {
+        kept = keep(kept, producer(&ids, 3));
+    }
+    if N >= 5 {
+        kept = keep(kept, producer(&ids, 4));
+    }
+    if N >= 6 {
+        kept = keep(kept, producer(&ids, 5));
     }
     kept
 }
@@ -109,14 +127,23 @@ fn youngest_three<const N: usize>(ids: [usize; N]) -> [usize; 3] {
 /// The youngest two of `N` producers.
 #[inline(always)]
 fn youngest_two<const N: usize>(ids: [usize; N]) -> [usize; 2] {
-    let mut kept = [0; 2];
-    for (i, id) in ids.into_iter().enumerate() {
-        if i < 2 {
-            kept[i] = id;
-        } else {
-            let (old, young) = (kept[0].min(kept[1]), kept[0].max(kept[1]));
-            kept = [young, old.max(id)];
-        }
+    // Drops the oldest of three.
+    let keep = |[a, b]: [usize; 2], id: usize| {
+        let (old, young) = (a.min(b), a.max(b));
+        [young, old.max(id)]
+    };
+    let mut kept = [producer(&ids, 0), producer(&ids, 1)];
+    if N >= 3 {
+        kept = keep(kept, producer(&ids, 2));
+    }
+    if N >= 4 {
+        kept = keep(kept, producer(&ids, 3));
+    }
+    if N >= 5 {
+        kept = keep(kept, producer(&ids, 4));
+    }
+    if N >= 6 {
+        kept = keep(kept, producer(&ids, 5));
     }
     kept
 }
@@ -158,9 +185,28 @@ impl Emit for Record<'_> {
     #[inline(always)]
     #[expect(unsafe_code, reason = "a checked store would need the length in a host register")]
     fn reads<const N: usize>(&mut self, vectors: [usize; N]) {
-        for id in vectors {
+        let read = |index: usize| {
+            let id = producer(&vectors, index);
             // SAFETY: ids are those of this task, and every one had its place, which is never given back.
             unsafe { self.pointers.last_reader.add(id).write(self.recorded.at.next as u32) };
+        };
+        if N >= 1 {
+            read(0);
+        }
+        if N >= 2 {
+            read(1);
+        }
+        if N >= 3 {
+            read(2);
+        }
+        if N >= 4 {
+            read(3);
+        }
+        if N >= 5 {
+            read(4);
+        }
+        if N >= 6 {
+            read(5);
         }
     }
 
