@@ -74,6 +74,14 @@ pub fn lanes_below<V: Vpu>(v: &mut V, first: V::S32, end: V::S32) -> V::Mask {
     v.kmov_from_scalar(bits)
 }
 
+/// Stores the first lane of `value` to word `index` of the array at `base`.
+#[inline(always)]
+pub fn store_first<V: Vpu>(v: &mut V, base: Addr, index: V::S32, value: V::F32) {
+    let bit = v.s_imm(1);
+    let first = v.kmov_from_scalar(bit);
+    v.vstore_f32(first, base, index, value);
+}
+
 /// The lower of two scalars.
 #[inline(always)]
 pub fn lower<V: Vpu>(v: &mut V, a: V::S32, b: V::S32) -> V::S32 {

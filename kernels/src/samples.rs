@@ -72,9 +72,7 @@ impl LightSamples {
         let none = v.vset_i32(0);
         let zero = v.vset_f32(0.0);
         let pixel = v.vgather_i32_or(none, live, receivers.column(field!(Receiver.pixel)), receiver);
-        let golden = v.vset_i32(0x9e37_79b9_u32 as i32);
-        let shift = v.vset_i32(32 - TURNS.trailing_zeros() as i32);
-        let turn = int!(v, (pixel * golden) >> shift);
+        let turn = turn_of(v, pixel, TURNS);
         let cos = v.vgather_f32_or(zero, live, self.turns.column(field!(Turn.cos)), turn);
         let sin = v.vgather_f32_or(zero, live, self.turns.column(field!(Turn.sin)), turn);
         [cos, sin]
@@ -94,6 +92,22 @@ impl LightSamples {
             v.vbroadcast_f32(self.samples.column(field!(LightSample.place[axis])), number)
         })
     }
+}
+
+/// Number of the turn of each pixel among `turns`, a power of two: by the golden section from one pixel to the next.
+#[inline(always)]
+pub fn turn_of<V: Vpu>(v: &mut V, pixel: V::I32, turns: u32) -> V::I32 {
+    let golden = v.vset_i32(0x9e37_79b9_u32 as i32);
+    let shift = v.vset_i32(32 - turns.trailing_zeros() as i32);
+    int!(v, (pixel * golden) >> shift)
+}
+
+/// `place` turned by the angle of this cosine and sine.
+#[inline(always)]
+pub fn rotated<V: Vpu>(v: &mut V, [x, y]: Vec2<V>, [cos, sin]: Vec2<V>) -> Vec2<V> {
+    let y_sin = v.vmul(y, sin);
+    let y_cos = v.vmul(y, cos);
+    [v.vmsub(x, cos, y_sin), v.vmadd(x, sin, y_cos)]
 }
 
 /// Places of `count` samples of a light, a power of two: each stands for as much of it as any other.

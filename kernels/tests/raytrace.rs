@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{On, draw, input, random_scene, same_on_all_back_ends, shipped, sphere};
+use common::{On, draw, input, one_of_each_kind, random_scene, same_on_all_back_ends, shipped, sphere};
 use lrbsim_isa::HostSimd;
 use lrbsim_kernels::raytrace::Raytrace;
 use lrbsim_kernels::sism::Sism;
@@ -83,14 +83,7 @@ fn under_a_point_it_draws_the_hard_shadow_but_for_ties() {
 fn its_error_falls_with_the_number_of_rays_to_the_three_quarters() {
     let (mut scene, eye, _) = shipped("tiny", Some((160, 120)));
     let adjacency = Adjacency::new(&scene.mesh);
-    let (center, radius) = (scene.light.center(), scene.light.radius());
-    let (half_u, half_v) = (DVec3::new(1.0, 0.2, 0.1) * radius, DVec3::new(0.1, 0.0, 0.5) * radius);
-    for light in [
-        scene.light,
-        Light::Disc { center, normal: DVec3::new(0.2, 1.0, 0.1), radius },
-        Light::Rect { center, half_u, half_v },
-        Light::Linear { p0: center - half_u, p1: center + half_u },
-    ] {
+    for light in one_of_each_kind(scene.light) {
         scene.light = light;
         let truth = Truth::new(&scene.mesh, &light, &eye, 4096, &|| ()).visibility();
         let input = ShadowInput::new(&scene, &adjacency, &eye);

@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{On, Random, Run, input, polygons, shipped};
+use common::{On, Random, Run, input, one_of_each_kind, polygons, shipped};
 use lrbsim_isa::HostSimd;
 use lrbsim_kernels::sism::Overlap;
 use lrbsim_workloads::glam::DVec3;
@@ -35,14 +35,7 @@ fn the_small_saloon_is_right_but_for_rounding() {
 fn shadow_rays_agree_on_tiny_for_every_kind_of_light() {
     let (mut scene, eye, _) = shipped("tiny", None);
     let adjacency = Adjacency::new(&scene.mesh);
-    let (center, radius) = (scene.light.center(), scene.light.radius());
-    let (half_u, half_v) = (DVec3::new(1.0, 0.2, 0.1) * radius, DVec3::new(0.1, 0.0, 0.5) * radius);
-    for light in [
-        scene.light,
-        Light::Disc { center, normal: DVec3::new(0.2, 1.0, 0.1), radius },
-        Light::Rect { center, half_u, half_v },
-        Light::Linear { p0: center - half_u, p1: center + half_u },
-    ] {
+    for light in one_of_each_kind(scene.light) {
         scene.light = light;
         let truth = shadow_rays(&scene.mesh, &light, &eye, 512);
         let input = ShadowInput::new(&scene, &adjacency, &eye);

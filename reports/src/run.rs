@@ -304,6 +304,11 @@ impl Lanes {
     }
 }
 
+/// Whether these are phases of the paper's method, so that its total of them means something.
+pub(crate) fn are_of_paper(phases: &[PhaseReport]) -> bool {
+    phases.iter().any(|phase| phase.in_paper_total)
+}
+
 impl Total {
     /// Adds up the phases of a frame at `clock_ghz`.
     pub fn of_phases(phases: &[PhaseReport], clock_ghz: f64) -> Total {
@@ -314,8 +319,7 @@ impl Total {
         let ms = |cycles: Option<u64>| cycles.map(|cycles| milliseconds(cycles, clock_ghz));
         let fps = |ms: Option<f64>| ms.filter(|ms| *ms > 0.0).map(|ms| 1e3 / ms);
         let all = cycles(false);
-        let is_of_paper = phases.iter().any(|phase| phase.in_paper_total);
-        let paper = if all.is_some() && is_of_paper { cycles(true) } else { None };
+        let paper = if all.is_some() && are_of_paper(phases) { cycles(true) } else { None };
         Total {
             cycles: all,
             ms: ms(all),

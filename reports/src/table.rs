@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use lrbsim_machine::Cause;
 
-use crate::run::{ImageError, PhaseReport, RunReport, hit_rate};
+use crate::run::{ImageError, PhaseReport, RunReport, are_of_paper, hit_rate};
 
 /// Columns of text at most, so that a table fits a common terminal.
 pub const WIDTH_MAX: usize = 120;
@@ -23,12 +23,12 @@ pub fn render(report: &RunReport) -> String {
 
     let timed = report.total.cycles.is_some();
     let mut rows = vec![header(timed)];
-    rows.extend(report.phases.iter().map(|phase| row(phase, timed, is_of_paper(report))));
+    rows.extend(report.phases.iter().map(|phase| row(phase, timed, are_of_paper(&report.phases))));
     let phase_rows = rows.len();
     rows.extend(totals(report, timed));
     lay_out(&mut text, &rows, phase_rows);
 
-    if is_of_paper(report) && report.phases.iter().any(|phase| !phase.in_paper_total) {
+    if are_of_paper(&report.phases) && report.phases.iter().any(|phase| !phase.in_paper_total) {
         text.push_str("\n* not in the paper's total, which leaves out the costs of these phases\n");
     }
     if !timed {
@@ -89,11 +89,6 @@ fn header(timed: bool) -> Row {
         &["phase", "Minstr", "lanes"]
     };
     titles.iter().map(|title| (*title).to_owned()).collect()
-}
-
-/// Whether the method is the paper's, so that a total of its phases means something.
-fn is_of_paper(report: &RunReport) -> bool {
-    report.phases.iter().any(|phase| phase.in_paper_total)
 }
 
 fn row(phase: &PhaseReport, timed: bool, is_of_paper: bool) -> Row {
@@ -185,7 +180,7 @@ fn totals(report: &RunReport, timed: bool) -> Vec<Row> {
         instructions,
         total.fps,
     )];
-    if is_of_paper(report) {
+    if are_of_paper(&report.phases) {
         lines.push(line(
             "paper's total",
             number(total.paper_ms, 3),

@@ -109,13 +109,7 @@ impl StudyOutput {
 pub fn drawings(study: &Digest) -> Vec<(String, Vec<u8>)> {
     let findings = findings(study);
     let mut files = vec![("table.md".to_owned(), markdown(&study.study.study, &findings).into_bytes())];
-    for Finding { name, sheet, plot, .. } in &findings {
-        files.push((format!("{name}.csv"), sheet.csv().into_bytes()));
-        if let Some(plot) = plot {
-            files.push((format!("{name}.svg"), plot.svg().into_bytes()));
-            files.push((format!("{name}.png"), plot.png()));
-        }
-    }
+    files.extend(findings.iter().flat_map(Finding::files));
     files.push(("report.html".to_owned(), page::of_study(study).into_bytes()));
     files
 }

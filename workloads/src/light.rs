@@ -219,6 +219,17 @@ impl Outline {
 }
 
 impl LightShape {
+    /// What a light of this shape is called in messages.
+    #[must_use]
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Facing => "sphere",
+            Self::Disc { .. } => "disc",
+            Self::Rect { .. } => "rectangle",
+            Self::Line { .. } => "line",
+        }
+    }
+
     /// What places belong to a light of this shape: on a disc in radii, on a rectangle in its half sides, on a line in half lines
     /// along it and aside.
     #[must_use]

@@ -11,7 +11,7 @@ use super::bounds::FaceBounds;
 use super::primitives::{Form, LightConstants, POSITION_SLACK};
 use super::receivers::Receiver;
 use super::{BIN_CELLS, CHILDREN, FACES, SLICES};
-use crate::columns::Columns;
+use crate::columns::{Columns, store_first};
 use crate::expression::{each, int, scalar};
 use crate::field;
 use crate::plane::Vec3;
@@ -224,9 +224,7 @@ impl Kernel for Grids {
         let slack = v.vset_f32(POSITION_SLACK);
         let bound_radius = v.vset_f32(self.bound_radius);
         let bound_radius = v.vmadd(farthest, slack, bound_radius);
-        let bit = v.s_imm(1);
-        let first = v.kmov_from_scalar(bit);
-        v.vstore_f32(first, self.totals.field(field!(FaceTotals.bound_radius)), only, bound_radius);
+        store_first(v, self.totals.field(field!(FaceTotals.bound_radius)), only, bound_radius);
     }
 }
 

@@ -4,7 +4,7 @@
 
 use lrbsim_isa::{Compare, Kernel, Runner, Step, Stopped, Vpu};
 
-use super::layout::{Layout, MapFace, MapSlot};
+use super::layout::{Layout, MapSlot};
 use super::tiles::Boxes;
 use crate::columns::{lanes_below, task_range};
 use crate::expression::{each, int, scalar};
@@ -78,7 +78,7 @@ impl Kernel for Cover {
                     let this = v.s_imm(number as i32);
                     if v.branch(Compare::Equal, face, this) {
                         let reach = self.on_face(v, number, corners);
-                        boxes.store(v, layout, slot, i, counted, reach);
+                        boxes.store(v, layout, [slot, face], i, counted, reach);
                     }
                 }
                 slot = scalar!(v, slot + 1);
@@ -89,16 +89,13 @@ impl Kernel for Cover {
 }
 
 impl Cover {
-    /// The texels that 16 triangles reach on a face, with their parts: from where and to where along both axes.
+    /// What 16 triangles reach of the image plane of a face: from where and to where along both axes.
     #[inline(always)]
     fn on_face<V: Vpu>(&self, v: &mut V, face: u32, corners: [Vec3<V>; 3]) -> [Vec2<V>; 2] {
         let (zero, one) = (v.vset_f32(0.0), v.vset_f32(1.0));
         let near = v.vset_f32(self.near);
         let axis = face as usize / 2;
-        let depths = each!(k in [0, 1, 2] => {
-            let along = corners[k][axis];
-            if face.is_multiple_of(2) { along } else { v.vsub(zero, along) }
-        });
+        let depths = each!(k in [0, 1, 2] => depth(v, face, corners[k]));
         let ahead = each!(k in [0, 1, 2] => v.vcmp_gt(depths[k], near));
         let inverse = each!(k in [0, 1, 2] => v.vrcp_or(one, ahead[k], depths[k]));
         // Where edges pass the nearest depth, as parts of them.
@@ -111,13 +108,9 @@ impl Cover {
             let to_near = v.vsub(near, depths[k]);
             v.vmul(to_near, along)
         });
-        let number = v.s_imm(face as i32);
         let (far, minus_far) = (v.vset_f32(FAR), v.vset_f32(-FAR));
         let per_near = v.vset_f32(1.0 / self.near);
         let [[low_x, high_x], [low_y, high_y]] = each!(plane_axis in [0, 1] => {
-            let origin = v.vbroadcast_f32(self.layout.faces.column(field!(MapFace.origin[plane_axis])), number);
-            let per_unit =
-                v.vbroadcast_f32(self.layout.faces.column(field!(MapFace.per_unit[plane_axis])), number);
             let of = (axis + 1 + plane_axis) % 3;
             let (mut low, mut high) = (far, minus_far);
             for k in 0..3 {
@@ -132,10 +125,19 @@ impl Cover {
                     high = v.vmax_or(high, passes[k], high, place);
                 }
             }
-            let low = v.vsub(low, origin);
-            let high = v.vsub(high, origin);
-            [v.vmul(low, per_unit), v.vmul(high, per_unit)]
+            [low, high]
         });
         [[low_x, low_y], [high_x, high_y]]
     }
+}
+
+/// Depth of a point on a face.
+#[inline(always)]
+pub fn depth<V: Vpu>(v: &mut V, face: u32, point: Vec3<V>) -> V::F32 {
+    let along = point[face as usize / 2];
+    if face.is_multiple_of(2) {
+        return along;
+    }
+    let zero = v.vset_f32(0.0);
+    v.vsub(zero, along)
 }

@@ -7,6 +7,7 @@ use lrbsim_isa::{Addr, Compare, Kernel, Runner, Step, Stopped, Vpu, math};
 use super::layout::Layout;
 use super::tiles::{Tile, Tiles};
 use crate::clear::clear_lines;
+use crate::columns::store_first;
 use crate::expression::{each, int, scalar};
 use crate::field;
 use crate::irregular::primitives::TriangleRecord;
@@ -53,9 +54,7 @@ impl Kernel for Draw {
             item = scalar!(v, item + 1);
         }
         let nearest = math::reduce_max(v, nearest);
-        let only = v.s_imm(1);
-        let only = v.kmov_from_scalar(only);
-        v.vstore_f32(only, self.nearest, task, nearest);
+        store_first(v, self.nearest, task, nearest);
     }
 }
 

@@ -20,6 +20,7 @@ pub mod cover;
 pub mod tiles;
 pub mod draw;
 pub mod look;
+pub mod options;
 
 use lrbsim_isa::{Addr, Phase, Runner, Stopped};
 use lrbsim_workloads::ShadowInput;

@@ -66,14 +66,14 @@ impl Boxes {
         (self.words.plus_words(axis as u64 * u64::from(self.stride)), index)
     }
 
-    /// Stores the boxes of the 16 things from `number` on: those in `covers` reach from `low` to `high` along both axes, in
-    /// texels with their parts, and cover nothing where that lies beside the square.
+    /// Stores the boxes of the 16 things from `number` on, on the square `slot` of `face`: those in `covers` reach from `low` to
+    /// `high` on the image plane along both axes, and cover nothing where that lies beside the square.
     #[inline(always)]
     pub fn store<V: Vpu>(
         &self,
         v: &mut V,
         layout: &Layout,
-        slot: V::S32,
+        [slot, face]: [V::S32; 2],
         number: V::S32,
         covers: V::Mask,
         [low, high]: [Vec2<V>; 2],
@@ -82,9 +82,14 @@ impl Boxes {
         let last = v.vset_f32((layout.size - 1) as f32);
         let mut covers = covers;
         let ranges = each!(axis in [0, 1] => {
-            // A texel more than its middle asks for, on either side: the slack of rounding.
-            let low = v.vsub(low[axis], one);
-            let high = high[axis];
+            let origin = v.vbroadcast_f32(layout.faces.column(field!(MapFace.origin[axis])), face);
+            let per_unit = v.vbroadcast_f32(layout.faces.column(field!(MapFace.per_unit[axis])), face);
+            let [low, high] = each!(place in [low[axis], high[axis]] => {
+                let from = v.vsub(place, origin);
+                v.vmul(from, per_unit)
+            });
+            // Half a texel more than middles ask for, on either side: the slack of rounding.
+            let low = v.vsub(low, one);
             let starts = v.vcmp_le(low, last);
             let ends = v.vcmp_ge(high, zero);
             covers = v.kand(covers, starts);

@@ -15,18 +15,18 @@
 
 use lrbsim_isa::options::{Entry, OptionSpec, Options, Values};
 use lrbsim_isa::{Addr, Compare, Kernel, Phase, Runner, Step, Stopped, Vpu, math};
-use lrbsim_workloads::{Light, LightShape, Outline, ShadowInput};
+use lrbsim_workloads::{Light, Outline, ShadowInput};
 
-use crate::columns::{lanes_below, task_range};
+use crate::columns::{lanes_below, store_first, task_range};
 use crate::expression::{each, int, scalar};
 use crate::field;
 use crate::irregular::receivers::Receiver;
 use crate::map::look::{Bias, Places, lit, whole};
+use crate::map::options::{BIAS, SIZE, bias, objection_to_other_than, size};
 use crate::map::{self, DepthMap};
 use crate::method::{Method, Shadows, read};
-use crate::samples::LightSamples;
+use crate::samples::{LightSamples, rotated};
 use crate::segment::Vec2;
-use crate::shadow_map::{BIAS, SIZE, bias, size};
 
 /// Percentage-closer soft shadows, as a method among others.
 pub struct Pcss;
@@ -70,14 +70,7 @@ impl Method for Pcss {
     }
 
     fn objection_to_light(&self, _options: &Options, light: &Light) -> Option<String> {
-        let kind = match light.shape() {
-            LightShape::Facing | LightShape::Disc { .. } => return None,
-            LightShape::Rect { .. } => "rectangle",
-            LightShape::Line { .. } => "line",
-        };
-        Some(format!(
-            "`pcss` takes a light for a disc that faces the receiver, and this one is a {kind}; it must be a sphere, a disc or a point"
-        ))
+        objection_to_other_than("disc that faces the receiver", "pcss", light)
     }
 
     fn run(
@@ -127,9 +120,7 @@ impl Kernel for Nearest {
             i = scalar!(v, i + 16);
         }
         let greatest = math::reduce_max(v, greatest);
-        let only = v.s_imm(1);
-        let only = v.kmov_from_scalar(only);
-        v.vstore_f32(only, self.nearest, slot, greatest);
+        store_first(v, self.nearest, slot, greatest);
     }
 }
 
@@ -228,11 +219,8 @@ impl Search {
         turn: Vec2<V>,
         width: V::F32,
     ) -> (V::F32, V::Mask) {
-        let [x, y] = samples.place(v, number);
-        let [cos, sin] = turn;
-        let y_sin = v.vmul(y, sin);
-        let y_cos = v.vmul(y, cos);
-        let turned = [v.vmsub(x, cos, y_sin), v.vmadd(x, sin, y_cos)];
+        let place = samples.place(v, number);
+        let turned = rotated(v, place, turn);
         let place = each!(axis in [0, 1] => v.vmadd(turned[axis], width, places.place[axis]));
         let texel = places.texels(v, place);
         let texel = whole(v, texel);

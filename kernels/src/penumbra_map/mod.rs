@@ -18,7 +18,7 @@
 
 use lrbsim_isa::options::{Entry, OptionSpec, Options, Values, Word};
 use lrbsim_isa::{Addr, Compare, Kernel, Phase, Runner, Step, Stopped, Vpu, math};
-use lrbsim_workloads::{Light, LightShape, ShadowInput};
+use lrbsim_workloads::{Light, ShadowInput};
 
 use crate::columns::{lanes_below, task_range};
 use crate::expression::{each, int, scalar};
@@ -26,9 +26,10 @@ use crate::field;
 use crate::irregular::primitives::{EdgeRecord, LightConstants, Primitives};
 use crate::irregular::receivers::{Receiver, Receivers};
 use crate::irregular::{FACES, silhouette};
-use crate::map::cover::NEAR;
+use crate::map::cover::{NEAR, depth};
 use crate::map::layout::{Layout, MapFace, MapSlot};
 use crate::map::look::{Bias, whole};
+use crate::map::options::{BIAS, SIZE, bias, objection_to_other_than, size};
 use crate::map::tiles::{Boxes, Tile, Tiles};
 use crate::map::{self, DepthMap};
 use crate::method::{Method, Shadows, read};
@@ -36,7 +37,6 @@ use crate::plane::Vec3;
 use crate::record::{Records, words};
 use crate::scene::Scene;
 use crate::segment::Vec2;
-use crate::shadow_map::{BIAS, SIZE, bias, size};
 
 /// Penumbra maps, as a method among others.
 pub struct PenumbraMap;
@@ -93,14 +93,7 @@ impl Method for PenumbraMap {
     }
 
     fn objection_to_light(&self, _options: &Options, light: &Light) -> Option<String> {
-        let kind = match light.shape() {
-            LightShape::Facing | LightShape::Disc { .. } => return None,
-            LightShape::Rect { .. } => "rectangle",
-            LightShape::Line { .. } => "line",
-        };
-        Some(format!(
-            "`penumbra-map` takes a light for a ball, and this one is a {kind}; it must be a sphere, a disc or a point"
-        ))
+        objection_to_other_than("ball", "penumbra-map", light)
     }
 
     fn run(
@@ -211,7 +204,7 @@ impl Kernel for Project {
                         let (ahead, images) = self.on_face(v, number, ends);
                         let reach = self.reach(v, face, images);
                         let ahead = v.kand(ahead, live);
-                        boxes.store(v, layout, slot, i, ahead, reach);
+                        boxes.store(v, layout, [slot, face], i, ahead, reach);
                         self.store(v, live, slot, i, images);
                     }
                 }
@@ -228,12 +221,8 @@ impl Project {
     #[inline(always)]
     fn on_face<V: Vpu>(&self, v: &mut V, face: u32, ends: [Vec3<V>; 2]) -> (V::Mask, [Vec3<V>; 2]) {
         let near = v.vset_f32(self.near);
-        let zero = v.vset_f32(0.0);
         let axis = face as usize / 2;
-        let depths = each!(end in [0, 1] => {
-            let along = ends[end][axis];
-            if face.is_multiple_of(2) { along } else { v.vsub(zero, along) }
-        });
+        let depths = each!(end in [0, 1] => depth(v, face, ends[end]));
         let ahead = each!(end in [0, 1] => v.vcmp_gt(depths[end], near));
         let any = v.kor(ahead[0], ahead[1]);
         let images = each!(end in [0, 1] => {
@@ -256,8 +245,8 @@ impl Project {
         (any, images)
     }
 
-    /// The texels that penumbras of these images reach on what no receiver lies beyond, with their parts: from where and to where
-    /// along both axes.
+    /// What penumbras of these images reach of the image plane, on what no receiver lies beyond: from where and to where along both
+    /// axes.
     #[inline(always)]
     fn reach<V: Vpu>(&self, v: &mut V, face: V::S32, images: [Vec3<V>; 2]) -> [Vec2<V>; 2] {
         let radius = v.vset_f32(self.radius);
@@ -266,18 +255,15 @@ impl Project {
         let width = reach(v, nearest, farthest, radius);
         let zero = v.vset_f32(0.0);
         let width = v.vmax(width, zero);
-        let [x, y] = each!(axis in [0, 1] => {
-            let origin = v.vbroadcast_f32(self.layout.faces.column(field!(MapFace.origin[axis])), face);
-            let per_unit = v.vbroadcast_f32(self.layout.faces.column(field!(MapFace.per_unit[axis])), face);
+        let low = each!(axis in [0, 1] => {
             let low = v.vmin(images[0][axis], images[1][axis]);
-            let high = v.vmax(images[0][axis], images[1][axis]);
-            let low = v.vsub(low, width);
-            let high = v.vadd(high, width);
-            let low = v.vsub(low, origin);
-            let high = v.vsub(high, origin);
-            [v.vmul(low, per_unit), v.vmul(high, per_unit)]
+            v.vsub(low, width)
         });
-        [[x[0], y[0]], [x[1], y[1]]]
+        let high = each!(axis in [0, 1] => {
+            let high = v.vmax(images[0][axis], images[1][axis]);
+            v.vadd(high, width)
+        });
+        [low, high]
     }
 
     /// Stores the images of the 16 edges from `i` on.

@@ -75,12 +75,13 @@ pub(super) fn along_curve(scene: &Scene, runner: &mut Runner<'_>) -> Result<Addr
     for pass in 0..3 {
         let [table] = clear::zeroed(runner, [scan::padded(table_words)])?;
         let scan = Scan::new(runner.arena, table, table_words);
-        let by = ByDigit { count, tasks, shift: 8 * pass, table, from: keys[0] };
+        let by_digit = |to| ByDigit { count, tasks, shift: 8 * pass, table, from: keys[0], to };
         // SAFETY: each task writes the words of the table that are its own.
-        runner.run(&unsafe { Step::independent("count digits", tasks, CountDigits(by)) })?;
+        runner.run(&unsafe { Step::independent("count digits", tasks, by_digit(None)) })?;
         scan.run(runner)?;
-        // SAFETY: each task writes its own words of the table, and to the places that these give its keys.
-        runner.run(&unsafe { Step::independent("move keys", tasks, MoveKeys { by, to: keys[1] }) })?;
+        // SAFETY: each task adds to its own words of the table, so that what the atomics return depends on no other task, and
+        // writes to the places that these give its keys.
+        runner.run(&unsafe { Step::independent("move keys", tasks, by_digit(Some(keys[1]))) })?;
         keys.swap(0, 1);
     }
     Ok(keys[0].column(field!(Key.triangle)))
@@ -207,8 +208,7 @@ impl Kernel for Codes {
     }
 }
 
-/// Keys that are sorted by a digit.
-#[derive(Clone, Copy)]
+/// Counts the keys of each digit, each task its own, or moves them to their places.
 struct ByDigit {
     /// Number of keys.
     count: u32,
@@ -218,6 +218,8 @@ struct ByDigit {
     /// Keys of each digit and task, then where they go: all tasks of digit 0, then those of digit 1.
     table: Addr,
     from: Columns<Key>,
+    /// Where the keys are moved; `None` where they are counted.
+    to: Option<Columns<Key>>,
 }
 
 impl ByDigit {
@@ -231,49 +233,23 @@ impl ByDigit {
     }
 }
 
-/// Counts the keys of each digit, each task its own.
-struct CountDigits(ByDigit);
-
-impl Kernel for CountDigits {
+impl Kernel for ByDigit {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
-        let by = &self.0;
-        let (mut i, end) = task_range(v, task, TASK, by.count);
+        let (mut i, end) = task_range(v, task, TASK, self.count);
         let none = v.vset_i32(0);
         let one = v.vset_i32(1);
         let task = v.vsplat(task);
         while v.branch(Compare::Less, i, end) {
             let live = lanes_below(v, i, end);
-            let code = v.vload_i32_or(none, live, by.from.column(field!(Key.code)), i);
-            let at = by.words(v, code, task);
-            v.vatomic_add_or(none, live, by.table, at, one);
-            i = scalar!(v, i + 16);
-        }
-    }
-}
-
-/// Moves keys to their places.
-struct MoveKeys {
-    by: ByDigit,
-    to: Columns<Key>,
-}
-
-impl Kernel for MoveKeys {
-    #[inline(always)]
-    fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
-        let MoveKeys { by, to } = self;
-        let (mut i, end) = task_range(v, task, TASK, by.count);
-        let none = v.vset_i32(0);
-        let one = v.vset_i32(1);
-        let task = v.vsplat(task);
-        while v.branch(Compare::Less, i, end) {
-            let live = lanes_below(v, i, end);
-            let code = v.vload_i32_or(none, live, by.from.column(field!(Key.code)), i);
-            let triangle = v.vload_i32_or(none, live, by.from.column(field!(Key.triangle)), i);
-            let at = by.words(v, code, task);
-            let place = v.vatomic_add_or(none, live, by.table, at, one);
-            v.vscatter_i32(live, to.column(field!(Key.code)), place, code);
-            v.vscatter_i32(live, to.column(field!(Key.triangle)), place, triangle);
+            let code = v.vload_i32_or(none, live, self.from.column(field!(Key.code)), i);
+            let at = self.words(v, code, task);
+            let place = v.vatomic_add_or(none, live, self.table, at, one);
+            if let Some(to) = self.to {
+                let triangle = v.vload_i32_or(none, live, self.from.column(field!(Key.triangle)), i);
+                v.vscatter_i32(live, to.column(field!(Key.code)), place, code);
+                v.vscatter_i32(live, to.column(field!(Key.triangle)), place, triangle);
+            }
             i = scalar!(v, i + 16);
         }
     }

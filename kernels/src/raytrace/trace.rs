@@ -21,6 +21,7 @@ use crate::irregular::receivers::{Receiver, Receivers};
 use crate::light::View;
 use crate::plane::{Vec3, dot, sub};
 use crate::record::Record;
+use crate::samples::{rotated, turn_of};
 use crate::scene::fill;
 use crate::segment::Vec2;
 
@@ -98,10 +99,7 @@ impl Rays {
                 let part = v.vadd(number, random.parts[0]);
                 let part = v.vmul(part, per_count);
                 let radius = math::sqrt(v, part);
-                let [cos, sin] = random.turn;
-                let y_sin = v.vmul(y, sin);
-                let y_cos = v.vmul(y, cos);
-                let turned = [v.vmsub(x, cos, y_sin), v.vmadd(x, sin, y_cos)];
+                let turned = rotated(v, [x, y], random.turn);
                 each!(axis in [0, 1] => v.vmul(turned[axis], radius))
             }
             outline => {
@@ -252,9 +250,7 @@ impl Trace {
             let part = v.vcvt_i32_f32(bits);
             v.vmul(part, unit)
         });
-        let golden = v.vset_i32(0x9e37_79b9_u32 as i32);
-        let shift = v.vset_i32(32 - TURNS.trailing_zeros() as i32);
-        let turn = int!(v, (pixel * golden) >> shift);
+        let turn = turn_of(v, pixel, TURNS);
         let turn = each!(axis in [0, 1] => {
             v.vgather_f32_or(zero, live, self.rays.turns.column(field!(Turn.direction[axis])), turn)
         });

@@ -6,7 +6,7 @@
 
 #![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
 
-use lrbsim_isa::options::{Entry, OptionSpec, Options, Values, Word};
+use lrbsim_isa::options::{Entry, OptionSpec, Options, Values};
 use lrbsim_isa::{Addr, Compare, Kernel, Phase, Runner, Step, Stopped, Vpu};
 use lrbsim_workloads::ShadowInput;
 
@@ -15,6 +15,7 @@ use crate::expression::{each, int, scalar};
 use crate::field;
 use crate::irregular::receivers::Receiver;
 use crate::map::look::{Bias, lit, whole};
+use crate::map::options::{BIAS, SIZE, bias, size};
 use crate::map::{self, DepthMap};
 use crate::method::{Method, Shadows, read};
 
@@ -25,43 +26,6 @@ const LOOK: Phase = Phase { id: "look", title: "shadow map lookup", in_paper_tot
 
 /// Receivers of a task.
 const TASK: u32 = 256;
-
-/// The option of all methods with a map that says how large it is.
-pub const SIZE: OptionSpec = OptionSpec {
-    name: "size",
-    about: "texels of a side of the map, on each of the faces around the light that see something",
-    values: Values::OneOf(&[
-        Word { name: "128", about: "128 by 128 texels" },
-        Word { name: "256", about: "256 by 256 texels" },
-        Word { name: "512", about: "512 by 512 texels" },
-        Word { name: "1024", about: "1024 by 1024 texels" },
-        Word { name: "2048", about: "2048 by 2048 texels" },
-    ]),
-    default: "1024",
-    tacit: false,
-};
-
-/// The option of all methods with a map that says what hides nothing.
-pub const BIAS: OptionSpec = OptionSpec {
-    name: "bias",
-    about: "what a texel must be nearer than to the light, so that surfaces do not shadow themselves",
-    values: Values::OneOf(&[
-        Word { name: "plane", about: "the plane of the receiver's own triangle at the middle of the texel" },
-        Word { name: "constant", about: "the receiver, by 0.5 % of its depth, as first published" },
-    ]),
-    default: "plane",
-    tacit: false,
-};
-
-/// Texels of a side of the map that `options` choose.
-pub fn size(options: &Options) -> u32 {
-    128 << options.word("size")
-}
-
-/// The bias that `options` choose.
-pub fn bias(options: &Options) -> Bias {
-    [Bias::Plane, Bias::Constant][options.word("bias")]
-}
 
 impl Method for ShadowMap {
     fn entry(&self) -> Entry {

@@ -172,18 +172,17 @@ impl Method for Sism {
 
     fn objection_to_light(&self, options: &Options, light: &Light) -> Option<String> {
         let Choices { form, angle, .. } = Choices::of(options);
-        let kind = match light.shape() {
-            LightShape::Facing => return None,
-            LightShape::Disc { .. } => "disc",
-            LightShape::Rect { .. } => "rectangle",
-            LightShape::Line { .. } => "line",
-        };
+        let shape = light.shape();
+        if shape == LightShape::Facing {
+            return None;
+        }
+        let kind = shape.name();
         if form == Form::Printed {
             return Some(format!(
                 "`form=printed` of `sism` takes a light for a sphere, as the paper does, and this one is a {kind}; it must be `form=exact`"
             ));
         }
-        (angle == Angle::Acos && kind != "disc").then(|| {
+        (angle == Angle::Acos && !matches!(shape, LightShape::Disc { .. })).then(|| {
             format!(
                 "`angle=acos` of `sism` is for discs, and this light is a {kind}; it must be `angle=atan2`"
             )

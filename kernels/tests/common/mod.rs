@@ -497,6 +497,18 @@ pub fn sphere(radius: f64) -> Light {
     Light::Sphere { center: DVec3::ZERO, radius }
 }
 
+/// `light`, and a disc, a rectangle and a line of its size in its place.
+pub fn one_of_each_kind(light: Light) -> [Light; 4] {
+    let (center, radius) = (light.center(), light.radius());
+    let (half_u, half_v) = (DVec3::new(1.0, 0.2, 0.1) * radius, DVec3::new(0.1, 0.0, 0.5) * radius);
+    [
+        light,
+        Light::Disc { center, normal: DVec3::new(0.2, 1.0, 0.1), radius },
+        Light::Rect { center, half_u, half_v },
+        Light::Linear { p0: center - half_u, p1: center + half_u },
+    ]
+}
+
 /// The loops of points in an oracle's list of lists.
 pub fn loops(value: &Value) -> Vec<Vec<DVec2>> {
     let points = |points: &Value| {

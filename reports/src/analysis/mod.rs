@@ -152,14 +152,8 @@ impl<'a> Data<'a> {
         let measured = !self.axes.iter().any(|axis| axis == x);
         let others: Vec<usize> =
             (0..self.axes.len()).filter(|axis| !measured && self.axes[*axis] != x).collect();
-        let mut groups: Vec<(Vec<&Value>, Vec<&Row<'a>>)> = Vec::new();
-        for row in &self.rows {
-            let rest: Vec<&Value> = others.iter().map(|axis| &row.values[*axis]).collect();
-            match groups.iter_mut().find(|(values, _)| *values == rest) {
-                Some((_, rows)) => rows.push(row),
-                None => groups.push((rest, vec![row])),
-            }
-        }
+        let rest = |row: &Row<'a>| others.iter().map(|axis| &row.values[*axis]).collect::<Vec<&Value>>();
+        let groups = grouped(self.rows.iter().map(|row| (rest(row), row)));
         let name = |values: &[&Value]| {
             let parts = others.iter().zip(values);
             let parts: Vec<String> =
@@ -192,6 +186,18 @@ impl<'a> Data<'a> {
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
         points
     }
+}
+
+/// Items by their keys, keys and items in the order in which they come.
+fn grouped<K: PartialEq, T>(items: impl Iterator<Item = (K, T)>) -> Vec<(K, Vec<T>)> {
+    let mut groups: Vec<(K, Vec<T>)> = Vec::new();
+    for (key, item) in items {
+        match groups.iter_mut().find(|(other, _)| *other == key) {
+            Some((_, group)) => group.push(item),
+            None => groups.push((key, vec![item])),
+        }
+    }
+    groups
 }
 
 /// Series are named by what they measure or, where there are several groups, by their group.

@@ -1,6 +1,6 @@
 //! The points that no other beats in both numbers; less is better.
 
-use super::{Data, Finding, Row};
+use super::{Data, Finding, Row, grouped};
 use crate::metric::title;
 use crate::plot::{Axis, Lines, Look, Plot, Series};
 use crate::sheet::{Cell, Sheet, short, show_value};
@@ -10,17 +10,11 @@ pub(super) fn pareto(data: &Data, analysis: &Analysis) -> Finding {
     let (x, y) = (data.x(analysis), data.y(analysis));
     let each = analysis.each.as_ref().and_then(|each| data.axes.iter().position(|axis| axis == each));
     // What stands by itself: all points, or those of a value of the axis.
-    let mut groups: Vec<(String, Vec<Known>)> = Vec::new();
-    for row in &data.rows {
-        if let (Some(at_x), Some(at_y)) = (data.number(row, &x), data.number(row, &y)) {
-            let name = each.map_or_else(String::new, |axis| show_value(&row.values[axis]));
-            let known = Known { row, place: (at_x, at_y) };
-            match groups.iter_mut().find(|(other, _)| *other == name) {
-                Some((_, rows)) => rows.push(known),
-                None => groups.push((name, vec![known])),
-            }
-        }
-    }
+    let groups = grouped(data.rows.iter().filter_map(|row| {
+        let place = (data.number(row, &x)?, data.number(row, &y)?);
+        let name = each.map_or_else(String::new, |axis| show_value(&row.values[axis]));
+        Some((name, Known { row, place }))
+    }));
 
     let mut columns = data.axes.clone();
     // An axis need not stand there twice.
@@ -28,16 +22,13 @@ pub(super) fn pareto(data: &Data, analysis: &Analysis) -> Finding {
     columns.extend(extra.iter().map(|path| title(path)));
     columns.push("front".to_owned());
     let (mut rows, mut series) = (Vec::new(), Vec::new());
-    let mut rivals: Vec<(String, Vec<Rated>)> = Vec::new();
+    let mut rated: Vec<(String, Rated)> = Vec::new();
     for (name, known) in &groups {
         let front = front(&known.iter().map(|known| known.place).collect::<Vec<_>>());
         for (Known { row, place }, on) in known.iter().zip(&front) {
             let others = row.values.iter().enumerate().filter(|(axis, _)| Some(*axis) != each);
             let rival = others.map(|(_, value)| show_value(value)).collect::<Vec<_>>().join(", ");
-            match rivals.iter_mut().find(|(other, _)| *other == rival) {
-                Some((_, points)) => points.push((*place, *on)),
-                None => rivals.push((rival, vec![(*place, *on)])),
-            }
+            rated.push((rival, (*place, *on)));
             let mut cells: Vec<Cell> = row.values.iter().map(Cell::value).collect();
             cells.extend(extra.iter().map(|path| Cell::maybe(data.number(row, path))));
             cells.push(Cell::Text(if *on { "yes" } else { "" }.to_owned()));
@@ -70,6 +61,7 @@ pub(super) fn pareto(data: &Data, analysis: &Analysis) -> Finding {
     };
     let mut notes = vec![note];
     if each.is_some() {
+        let rivals = grouped(rated.into_iter());
         notes.extend(rivals.iter().map(|(rival, points)| summary(rival, points, &x, &y)));
     }
     Finding {
