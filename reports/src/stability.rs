@@ -306,6 +306,13 @@ impl StabilityFamily {
                 ),
             });
         }
+        let sums_break =
+            |point: &StabilityPoint| point.measured().is_some_and(|measured| measured.rays_of_sums.breaks());
+        if let Some(at) = self.breaking(|point| sums_break(point) && !point.method_breaks()) {
+            seen.push(format!(
+                "Sums alone are over that limit at {at}, where what hides the lamp overlaps; they are not judged by it."
+            ));
+        }
         if let Some(at) = self.breaking(|point| point.method_breaks() && point.warning().is_none()) {
             seen.push(format!("It breaks without a warning at {at}."));
         }
@@ -367,7 +374,7 @@ impl StabilityFamily {
             series("rays: mean", Look::Line, &|m| m.rays.mean),
             series("sums: mean", Look::Line, &|m| m.rays_of_sums.mean),
             series("rays' own error", Look::Dashed, &|m| m.rays.reference_mean),
-            series("limit of `rays: mean`", Look::Dashed, &|m| m.rays.mean_max()),
+            series("limit of rays: mean", Look::Dashed, &|m| m.rays.mean_max()),
         ];
         let (mut x, mut y) = (Axis::new(&self.axis, true), Axis::new("parts of the light", true));
         if self.points.iter().any(|point| point.x == 0.0 && point.measured().is_some()) {
@@ -402,39 +409,77 @@ impl StabilityReport {
             "A picture of soft shadows says for every pixel what part of the lamp is seen from there: 1 in the light, 0 in \
              full shadow, in between in the penumbra. This page shows how far the pictures of lrbsim can be trusted where \
              scenes get extreme: in each family of scenes below, one thing goes from the plain to the absurd. Under each \
-             picture stand its value and what became of it."
+             picture stand its value and the verdict on that scene."
                 .to_owned(),
             "Unless a family says otherwise, the scene is a level floor of 4 by 4 with a block on it and a slanted sheet over it, and \
-             the lamp is a ball of radius 0.25 above. A size of the scene is the side of the floor. Pictures are shaded: full \
-             shadow is dark gray, and where nothing is seen is blue-gray."
+             the lamp is a ball of radius 0.25 above. A size of the scene is the side of the floor; its diagonal is 1.45 sizes. \
+             Pictures are shaded: full shadow is dark gray, and where nothing is seen is blue-gray."
                 .to_owned(),
             "The method is soft irregular shadow mapping (Johnson et al. 2009), drawn in 32-bit numbers. From the middle of the lamp \
-             it finds the outlines of all things, and for each pixel which part of the lamp lies behind each outline. So it can \
-             be wrong where other parts of the lamp see other outlines than the middle does: where the lamp is large beside its \
-             distance to what hides it."
+             it finds the outlines of all things, and for each pixel which part of the lamp, as that pixel sees it, lies behind each \
+             outline. So it can be wrong where other parts of the lamp see other outlines than the middle does: where the lamp \
+             is large beside its distance to what hides it. Triangles that cut the lamp itself are an exception: what each of them \
+             hides is found for every pixel by itself."
                 .to_owned(),
             format!(
-                "Every scene is drawn twice. Once hidden parts of the lamp are added up even where they overlap ({}), and the picture is \
+                "Every scene is drawn twice. Once hidden parts of the lamp are added up even where they overlap, and the picture is \
                  compared with brute force, which adds up the same with every edge for every pixel and in 64-bit numbers: \
-                 differences are rounding, or faults of the program. Once, as users get it by default ({}: outlines as each pixel sees \
-                 them, 64 points of the lamp each hidden or not, the lamp in one piece), it is compared with {} shadow rays \
-                 from each pixel, which find what is really seen of the lamp: differences are what the method leaves out, and that \
-                 64 points are few. Where nothing overlaps, sums are the better of the two. All errors are in parts of the light. \
-                 The pictures below are of the second kind, which this page does not compare with brute force.",
-                self.sums, self.algorithm, self.samples
+                 differences are rounding, or faults of the program. Once, as users get it by default, 64 points of the lamp are \
+                 each found hidden or not, and the picture is compared with {} shadow rays from each pixel, which find what is \
+                 really seen of the lamp: differences are what the method leaves out, and that 64 points are few. Where nothing \
+                 overlaps, sums are the better of the two. All errors are in parts of the light. Only the second kind is shown \
+                 below: that the arithmetic breaks is a verdict on the first, that the method breaks one on the picture shown.",
+                self.samples
             ),
             format!(
                 "The arithmetic is said to break where more than {} % of the receivers (pixels that see a surface) are off \
                  brute force by more than 0.001, or where any value is no number or not from 0 to 1. The method is said to \
                  break where its mean error beside the rays, over receivers in shadow or penumbra, is more than {limit} + 2 x \
-                 the rays' own error: {} where that is 0.002. Plots are logarithmic on both axes; 0 stands at the left \
-                 end, and errors below {} at the bottom.",
+                 the rays' own error: {} where that is 0.002.",
                 round(100.0 * OFF_SHARE_MAX),
                 round(RAYS_MEAN_MAX + 2.0 * 0.002),
-                round(LEAST_DRAWN),
                 limit = round(RAYS_MEAN_MAX),
             ),
+            format!(
+                "In the plots, `brute force: max` is the largest difference of the sums to brute force; `rays: mean` and `sums: mean` are \
+                 the mean errors of the default and of the sums beside the rays; `rays' own error` is how far these may be off \
+                 themselves; above the `limit of rays: mean` the method is said to break. Both axes are logarithmic; a value of 0 \
+                 stands at the left end, and errors below {}, where there are any, at the bottom.",
+                round(LEAST_DRAWN)
+            ),
+            format!(
+                "In the program's words, the sums are `{}` and the default is `{}`.",
+                self.sums, self.algorithm
+            ),
         ]
+    }
+
+    /// Which families break, and at which values: sentences.
+    fn summary(&self) -> Vec<String> {
+        let broken: Vec<&StabilityFamily> = self
+            .families
+            .iter()
+            .filter(|family| {
+                family.points.iter().any(|point| point.arithmetic_breaks() || point.method_breaks())
+            })
+            .collect();
+        let hold = self.families.len() - broken.len();
+        let mut sentences =
+            vec![format!("{hold} of {} families hold at every value that is drawn.", self.families.len())];
+        for family in broken {
+            type Breaks = fn(&StabilityPoint) -> bool;
+            let kinds: [(&str, Breaks); 2] = [
+                ("the arithmetic breaks", StabilityPoint::arithmetic_breaks),
+                ("the method breaks", StabilityPoint::method_breaks),
+            ];
+            let at = kinds
+                .into_iter()
+                .filter_map(|(what, breaks)| Some(format!("{what} at {}", family.breaking(breaks)?)));
+            sentences.push(format!("{}: {}.", family.title, at.collect::<Vec<_>>().join("; ")));
+        }
+        sentences
+            .push("The numbers are the worst of each family; values are of what is varied in it.".to_owned());
+        sentences
     }
 
     /// Where each family breaks, and then each family.
@@ -469,9 +514,7 @@ impl StabilityReport {
         let whole = Finding {
             name: "breaks".to_owned(),
             title: "Where it breaks".to_owned(),
-            notes: vec![
-                "The numbers are the worst of each family; values are of what is varied in it.".to_owned(),
-            ],
+            notes: self.summary(),
             sheet,
             plot: None,
         };

@@ -131,7 +131,7 @@ pub const FAMILIES: &[Family] = &[
         axis: "offset, sizes of the scene",
         varied: "The whole scene is moved away from the origin of its coordinates, in 64-bit numbers.",
         meaning: "Cities in map coordinates lie millions of their own sizes from 0, and numbers have only so many digits to \
-                  tell neighbors apart: at 1e12 even 64-bit ones know places of the scene to a two-thousandth only.",
+                  tell neighbors apart: at 1e12 even 64-bit ones know places to 1/2048 of a unit only, of which the floor is 4 wide.",
         points: &[0.0, 1.0, 10.0, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e12],
         make: |x| plain_setup().placed(1.0, |p| p + DVec3::new(1.0, 0.37, -0.61) * (x * SIZE)),
     },
@@ -141,8 +141,9 @@ pub const FAMILIES: &[Family] = &[
         axis: "radius, sizes of the scene",
         varied: "The lamp grows from a point to a billion sizes of the scene and further; its middle stays.",
         meaning: "A point casts hard shadows and an endless lamp next to none. From about 0.5 on, the floor cuts this lamp; the \
-                  larger it is, the more of it is seen along the horizon: from some ten thousand sizes on nearly all of it, within \
-                  what 32-bit numbers tell apart, so that rounding decides what hides it.",
+                  larger it is, the lower over the horizon is what hides most of it. What is lower than a millionth of the lamp's \
+                  height is left out, by the method and by brute force alike: from some ten thousand sizes on ever more of what \
+                  hides the lamp, and rounding tells which; in the end nearly all, and both are wrong by the same.",
         points: &[0.0, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 0.3, 1.0, 10.0, 1e2, 1e3, 1e4, 1e5, 1e6, 1e9, 1e10],
         make: |x| Setup::new(plain(), LAMP, x * SIZE),
     },

@@ -385,7 +385,7 @@ function stabilitySections() {
     return section(finding.title, paragraph(`${varied} ${meaning}`), note(`${finding.sheet.columns[0]}:`), strip(index, finding), ...finding.notes.map(paragraph),
       plotOf(finding), element("details", {}, element("summary", {}, `all ${finding.sheet.rows.length} points in numbers`), table(finding.sheet.columns, finding.sheet.rows)));
   };
-  return [...data.introduction.map(paragraph), section(whole.title, table(whole.sheet.columns, whole.sheet.rows), ...whole.notes.map(note)), terms, ...families.map(family)];
+  return [...data.introduction.map(paragraph), section(whole.title, ...whole.notes.map(paragraph), table(whole.sheet.columns, whole.sheet.rows)), terms, ...families.map(family)];
 }
 
 function framesSections(frames) {
