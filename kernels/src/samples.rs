@@ -110,7 +110,7 @@ pub fn rotated<V: Vpu>(v: &mut V, [x, y]: Vec2<V>, [cos, sin]: Vec2<V>) -> Vec2<
     [v.vmsub(x, cos, y_sin), v.vmadd(x, sin, y_cos)]
 }
 
-/// Places of `count` samples of a light, a power of two: each stands for as much of it as any other.
+/// Places of `count` samples of a light: each stands for as much of it as any other. On a square their number must be a power of two.
 pub fn places(outline: Outline, count: u32) -> Vec<DVec2> {
     let even = |i: u32| (2.0 * f64::from(i) + 1.0) / f64::from(count) - 1.0;
     match outline {

@@ -80,7 +80,7 @@ fn under_a_point_it_draws_the_hard_shadow_but_for_ties() {
 }
 
 #[test]
-fn its_error_falls_with_the_number_of_rays_to_the_three_quarters() {
+fn its_error_falls_faster_with_the_number_of_rays_than_by_lot() {
     let (mut scene, eye, _) = shipped("tiny", Some((160, 120)));
     let adjacency = Adjacency::new(&scene.mesh);
     for light in one_of_each_kind(scene.light) {

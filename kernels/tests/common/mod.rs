@@ -371,7 +371,7 @@ pub fn input_of_prepared(mesh: Mesh, light: Light, receivers: &[(DVec3, u32)]) -
     // Only mesh and light of the scene are looked at.
     let scene = Scene { mesh, light, ..load_scene("tiny", Path::new(".")).expect("tiny is shipped") };
     let count = receivers.len() as u32;
-    let width = count.min(64);
+    let width = count.clamp(1, 64);
     let eye = EyeView {
         width,
         height: count.div_ceil(width),
