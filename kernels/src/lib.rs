@@ -38,3 +38,4 @@ pub mod shadow_map;
 pub mod pcss;
 pub mod penumbra_map;
 pub mod raytrace;
+pub mod sintorn;

@@ -13,7 +13,7 @@ use lrbsim_workloads::glam::DVec2;
 
 use super::tree::{LEAF, Node, RayTriangle, Tree};
 use crate::clear;
-use crate::columns::{Columns, lanes_below, task_range};
+use crate::columns::{Columns, lanes_below};
 use crate::expression::{each, int, scalar};
 use crate::field;
 use crate::irregular::primitives::LightConstants;
@@ -21,12 +21,9 @@ use crate::irregular::receivers::{Receiver, Receivers};
 use crate::light::View;
 use crate::plane::{Vec3, dot, sub};
 use crate::record::Record;
-use crate::samples::{rotated, turn_of};
+use crate::samples::{resolve, rotated, turn_of};
 use crate::scene::fill;
 use crate::segment::Vec2;
-
-/// Receivers of a task that resolves.
-const TASK: u32 = 256;
 
 /// Directions that the pattern of rays is turned to, from pixel to pixel.
 const TURNS: u32 = 256;
@@ -144,9 +141,7 @@ pub(super) fn trace(
     let kernel = Trace { tree: *tree, receivers, rays, tasks_log2, hidden };
     // SAFETY: all tasks of a receiver add to its count, in any order.
     runner.run(&unsafe { Step::independent("trace", groups << tasks_log2, kernel) })?;
-    let kernel = Resolve { receivers, rays: rays.count, hidden, visibility };
-    // SAFETY: each task writes the pixels of its own receivers.
-    runner.run(&unsafe { Step::independent("resolve", receivers.count.div_ceil(TASK), kernel) })
+    resolve(receivers, rays.count, hidden, visibility, runner)
 }
 
 /// Tasks of each of `groups` groups of receivers that have `rays` rays each, by their logarithm.
@@ -378,34 +373,6 @@ fn cross<V: Vpu>(v: &mut V, a: Vec3<V>, b: Vec3<V>) -> Vec3<V> {
         let right = v.vmul(a[k], b[j]);
         v.vmsub(a[j], b[k], right)
     })
-}
-
-/// Turns counts into visible parts of the light.
-struct Resolve {
-    receivers: Receivers,
-    /// Rays of a receiver.
-    rays: u32,
-    hidden: Addr,
-    visibility: Addr,
-}
-
-impl Kernel for Resolve {
-    #[inline(always)]
-    fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
-        let (mut i, end) = task_range(v, task, TASK, self.receivers.count);
-        let rays = v.vset_f32(self.rays as f32);
-        let one = v.vset_f32(1.0);
-        while v.branch(Compare::Less, i, end) {
-            let live = lanes_below(v, i, end);
-            let hidden = v.vload_i32(self.hidden, i);
-            let hidden = v.vcvt_i32_f32(hidden);
-            let hidden = math::div(v, hidden, rays);
-            let visible = v.vsub(one, hidden);
-            let pixel = v.vload_i32(self.receivers.columns.column(field!(Receiver.pixel)), i);
-            v.vscatter_f32(live, self.visibility, pixel, visible);
-            i = scalar!(v, i + 16);
-        }
-    }
 }
 
 #[cfg(test)]
