@@ -6,6 +6,10 @@ use crate::uop::Class;
 /// Uops of one task at most: a thousand times what a task is meant to have.
 pub const TASK_UOPS_MAX: usize = 1 << 26;
 
+/// Uops, and lines, for which an empty stream keeps its buffers. Few tasks are longer; were theirs kept, every stream would come to
+/// have room for the longest task of all.
+const KEPT: usize = 1 << 20;
+
 /// A line that a uop touches, as the stream of its task has it: before it is known which hardware thread runs the task.
 ///
 /// One word: below [`STACK_BASE_LINE`] the number of a line of the arena, from there on `STACK_BASE_LINE + slot`. The class
@@ -100,10 +104,12 @@ pub struct Stream {
 }
 
 impl Stream {
-    /// Empties the stream and keeps its buffers.
+    /// Empties the stream and keeps its buffers, but for what an unusually long task had.
     pub fn clear(&mut self) {
         self.uops.clear();
+        self.uops.shrink_to(KEPT);
         self.lines.clear();
+        self.lines.shrink_to(KEPT);
         self.lanes_active = 0;
         self.lanes_masked = 0;
         self.live_vectors_max = 0;
@@ -124,5 +130,24 @@ impl Stream {
             tables[0][(*uop & 0xff) as usize] += 1;
         }
         std::array::from_fn(|class| tables.iter().map(|table| u64::from(table[class])).sum())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cleared_stream_keeps_the_buffers_of_a_task_and_gives_those_of_a_long_one_back() {
+        let mut stream = Stream::default();
+        for (length, kept) in [(KEPT / 2, KEPT / 2), (8 * KEPT, KEPT)] {
+            stream.uops.resize(length, 0);
+            stream.lines.resize(length, StreamLine::CONSTANTS);
+            stream.clear();
+            assert!(stream.uops.is_empty() && stream.lines.is_empty());
+            for capacity in [stream.uops.capacity(), stream.lines.capacity()] {
+                assert!((kept..2 * kept + 1).contains(&capacity), "{length}: room for {capacity}");
+            }
+        }
     }
 }

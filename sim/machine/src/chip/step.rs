@@ -57,6 +57,7 @@ impl<'a> StepTasks<'a> {
     #[inline(always)]
     pub(super) fn take_back(&mut self, spent: &mut Vec<Stream>) {
         if !spent.is_empty() {
+            spent.iter_mut().for_each(Stream::clear);
             self.spare.append(spent);
         }
     }
