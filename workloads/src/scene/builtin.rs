@@ -1,13 +1,15 @@
 //! Scenes inside the binary.
 
 /// Name and text of each shipped scene, in alphabetical order.
-const SCENES: [(&str, &str); 9] = [
+const SCENES: [(&str, &str); 11] = [
     ("cornell", include_str!("../../../configs/scenes/cornell.json")),
     ("fern", include_str!("../../../configs/scenes/fern.json")),
     ("palm", include_str!("../../../configs/scenes/palm.json")),
     ("saloon", include_str!("../../../configs/scenes/saloon.json")),
     ("saloon-orbit", include_str!("../../../configs/scenes/saloon-orbit.json")),
+    ("saloon-panel", include_str!("../../../configs/scenes/saloon-panel.json")),
     ("saloon-small", include_str!("../../../configs/scenes/saloon-small.json")),
+    ("saloon-tube", include_str!("../../../configs/scenes/saloon-tube.json")),
     ("street", include_str!("../../../configs/scenes/street.json")),
     ("table", include_str!("../../../configs/scenes/table.json")),
     ("tiny", include_str!("../../../configs/scenes/tiny.json")),
