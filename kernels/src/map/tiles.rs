@@ -247,7 +247,7 @@ impl<V: Vpu> Tile<V> {
     #[inline(always)]
     pub(crate) fn edge(&self, v: &mut V, axis: usize, texels: V::I32) -> V::F32 {
         let texels = v.vcvt_i32_f32(texels);
-        v.vmadd(texels, self.unit[axis], self.origin[axis])
+        self.place(v, axis, texels)
     }
 
     /// Numbers along the first axis of the 16 texels from `x` on, which is counted from the tile's first.
@@ -272,6 +272,12 @@ impl<V: Vpu> Tile<V> {
     #[inline(always)]
     pub fn middle(&self, v: &mut V, axis: usize, texels: V::I32) -> V::F32 {
         middle(v, texels, self.unit[axis], self.origin[axis])
+    }
+
+    /// The place on the image plane along `axis` that lies `texels` from where texel 0 of the square begins.
+    #[inline(always)]
+    pub(crate) fn place(&self, v: &mut V, axis: usize, texels: V::F32) -> V::F32 {
+        v.vmadd(texels, self.unit[axis], self.origin[axis])
     }
 
     /// The word of the texel at (x, y), which are counted from the tile's first.

@@ -11,7 +11,7 @@
 
 use lrbsim_isa::{Addr, Compare, Kernel, Runner, Step, Stopped, Vpu};
 
-use super::geometry::{between, per_place, reach, reprojected};
+use super::geometry::{Numbers, reach};
 use super::patch::{Extent, Floor, Patch, Patches};
 use crate::clear;
 use crate::columns::lower;
@@ -20,10 +20,17 @@ use crate::field;
 use crate::map::tiles::Tile;
 use crate::sism::kept::Kept;
 
-/// Patches of 16 by 16 texels that a task adds: where each reaches all of its tile, some 60 K uops.
-const SHARE: u32 = 128;
+/// Uops of a task where each of its patches reaches all of its tile.
+const TASK_UOPS: u32 = 60_000;
 
-/// All of the light, in fixed point.
+/// Uops that 16 texels take for a patch in fixed point; how many more floats of 16 bits do, and the cut of [`Extent::Occluder`].
+const ROW_UOPS: [u32; 3] = [40, 45, 12];
+
+/// All of the light, in fixed point, of which a word holds 127.
+///
+/// A sum does not come near to that, whatever overlaps: a patch r texels beside a receiver touches its view of the light only if
+/// that is 2 r - 1 texels wide there, and so hides no more than a part of 1 / (2 r - 1)^2. There are 8 r such patches, and the sum
+/// over all r grows as the logarithm of the map's size.
 pub(super) const WHOLE: f32 = (1 << 24) as f32;
 
 /// How patches are added up.
@@ -38,11 +45,21 @@ pub(super) struct Blend {
 
 impl Blend {
     /// Adds up the patches; the sums of all texels, in words of the format.
-    pub(super) fn run(self, patches: &Patches, floor: &Floor, runner: &mut Runner<'_>) -> Result<Addr, Stopped> {
+    pub(super) fn run(
+        self,
+        patches: &Patches,
+        floor: &Floor,
+        runner: &mut Runner<'_>,
+    ) -> Result<Addr, Stopped> {
         let [sums] = clear::zeroed(runner, [floor.layout.texel_count()])?;
         let adder = Adder { blend: self, patches: *patches, floor: *floor };
         let tile_words = 1_u32 << (2 * floor.layout.tile_log2);
-        let share = SHARE * 256 / tile_words;
+        let is_short = matches!(self.kept, Kept::F16 | Kept::F16Truncating);
+        let is_cut = self.extent == Extent::Occluder;
+        let [row, short, cut] = ROW_UOPS;
+        let of_row = row + u32::from(is_short) * short + u32::from(is_cut) * cut;
+        // Number of patches that a task adds.
+        let share = TASK_UOPS / (of_row * tile_words / 16);
         if self.kept == Kept::Fixed {
             let tasks = patches.tiles.item_count.div_ceil(share);
             let own = runner.arena.overwritten(u64::from(tasks) * u64::from(tile_words));
@@ -234,31 +251,37 @@ impl Adder {
         let rounding_offset = patch.float(v, field!(Patch.rounding_offset));
         let farthest = v.vbroadcast_f32(*deepest, slot);
         let per_width = each!(axis in [0, 1] => v.vset_f32(0.5 / blend.halves[axis]));
+        let whole = v.vset_f32(WHOLE);
+        let (half, one) = (v.vset_f32(0.5), v.vset_f32(1.0));
+        let numbers = Numbers::new(v);
+        let all = v.mask_all();
 
         let [[low_x, last_x], [low_y, last_y]] = patches.tiles.range(v, tile, number);
-        let one = v.vset_i32(1);
-        let all = v.mask_all();
         let mut x = scalar!(v, (low_x >> 4) << 4);
         while v.branch(Compare::LessEqual, x, last_x) {
             let columns = tile.columns(v, x);
             let place_x = tile.middle(v, 0, columns);
             let in_x = self.in_rectangle(v, 0, [low[0], high[0]], place_x, depth, farthest);
             let from_x = [v.vsub(low[0], place_x), v.vsub(high[0], place_x)];
-            let mut row = tile.row(v, low_y);
+            let row = tile.row(v, low_y);
+            let row = v.vcvt_i32_f32(row);
+            let mut middle = v.vadd(row, half);
             let mut at = tile.word(v, layout, x, low_y);
+            let mut to_at = scalar!(v, at + offset);
             let mut y = low_y;
             while v.branch(Compare::LessEqual, y, last_y) {
-                let place_y = tile.middle(v, 1, row);
+                let place_y = tile.place(v, 1, middle);
                 let from_y = [v.vsub(low[1], place_y), v.vsub(high[1], place_y)];
                 // Where the map shows no receiver, it is taken to be as deep as the deepest.
                 let receiver = v.vload_f32(*texels, at);
                 let receiver = v.vmax(receiver, farthest);
-                let per_place = per_place(v, depth, receiver);
+                // The patch on the light.
+                let per_place = numbers.per_place(v, depth, receiver);
                 let [part_x, part_y] = each!(axis in [0, 1] => {
                     let per_place = v.vmul(per_place, per_width[axis]);
                     let from = [from_x, from_y][axis];
-                    let [a, b] = each!(end in [0, 1] => reprojected(v, from[end], per_place));
-                    between(v, a, b)
+                    let [a, b] = each!(end in [0, 1] => numbers.reprojected(v, from[end], per_place));
+                    numbers.between(v, a, b)
                 });
                 let mut part = v.vmul(part_x, part_y);
                 if let Some(in_x) = in_x {
@@ -267,25 +290,25 @@ impl Adder {
                     let zero = v.vset_f32(0.0);
                     part = v.vblend_f32(inside, part, zero);
                 }
-                let word = scalar!(v, at + offset);
+                // What is hidden there already.
                 match blend.kept {
                     Kept::Fixed => {
-                        let whole = v.vset_f32(WHOLE);
                         let part = v.vmadd(part, whole, rounding_offset);
                         let part = v.vcvt_f32_i32(part);
-                        let sum = v.vload_i32(to, word);
+                        let sum = v.vload_i32(to, to_at);
                         let sum = int!(v, sum + part);
-                        v.vstore_i32(all, to, word, sum);
+                        v.vstore_i32(all, to, to_at, sum);
                     }
                     kept => {
                         let part = kept.rounded(v, part);
-                        let sum = v.vload_f32(to, word);
+                        let sum = v.vload_f32(to, to_at);
                         let sum = kept.sum(v, sum, part);
-                        v.vstore_f32(all, to, word, sum);
+                        v.vstore_f32(all, to, to_at, sum);
                     }
                 }
-                row = int!(v, row + one);
+                middle = v.vadd(middle, one);
                 at = scalar!(v, at + { 1 << layout.tile_log2 });
+                to_at = scalar!(v, to_at + { 1 << layout.tile_log2 });
                 y = scalar!(v, y + 1);
             }
             x = scalar!(v, x + 16);
@@ -307,12 +330,12 @@ impl Adder {
         if self.blend.extent == Extent::Apex {
             return None;
         }
-        let (zero, half) = (v.vset_f32(0.5), v.vset_f32(self.blend.halves[axis]));
+        let (half, of_light) = (v.vset_f32(0.5), v.vset_f32(self.blend.halves[axis]));
         let middle = v.vadd(low, high);
-        let middle = v.vmul(middle, zero);
+        let middle = v.vmul(middle, half);
         let from = v.vsub(place, middle);
         let from = v.vabs(from);
-        let reach = reach(v, depth, farthest, half);
+        let reach = reach(v, depth, farthest, of_light);
         Some(v.vcmp_le(from, reach))
     }
 }

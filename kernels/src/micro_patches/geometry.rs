@@ -15,33 +15,44 @@ pub fn reach<V: Vpu>(v: &mut V, patch: V::F32, farthest: V::F32, half: V::F32) -
     v.vmul(between, half)
 }
 
-/// What a difference of places on the image plane is on the light, seen from receivers at reciprocal depth `receiver` past a
-/// patch at `patch`; 0 where the patch is not nearer to the light than the receiver, so that it hides nothing.
-#[inline(always)]
-pub fn per_place<V: Vpu>(v: &mut V, patch: V::F32, receiver: V::F32) -> V::F32 {
-    let zero = v.vset_f32(0.0);
-    let between = v.vsub(patch, receiver);
-    let before = v.vcmp_gt(between, zero);
-    v.vrcp_or(zero, before, between)
+/// Numbers that are the same for all patches and receivers, each loaded once.
+pub struct Numbers<V: Vpu> {
+    zero: V::F32,
+    half: V::F32,
+    one: V::F32,
 }
 
-/// Where the line from a receiver past an edge meets the light, along one axis: 0 and 1 at its ends. `from`: from the place of the
-/// receiver to that of the edge; `per_place` in widths of the light.
-#[inline(always)]
-pub fn reprojected<V: Vpu>(v: &mut V, from: V::F32, per_place: V::F32) -> V::F32 {
-    let half = v.vset_f32(0.5);
-    v.vmadd(from, per_place, half)
-}
+impl<V: Vpu> Numbers<V> {
+    /// Loads the numbers.
+    #[inline(always)]
+    pub fn new(v: &mut V) -> Numbers<V> {
+        Numbers { zero: v.vset_f32(0.0), half: v.vset_f32(0.5), one: v.vset_f32(1.0) }
+    }
 
-/// Part of the light between two places on it.
-#[inline(always)]
-pub fn between<V: Vpu>(v: &mut V, low: V::F32, high: V::F32) -> V::F32 {
-    let (zero, one) = (v.vset_f32(0.0), v.vset_f32(1.0));
-    let low = v.vmax(low, zero);
-    let low = v.vmin(low, one);
-    let high = v.vmax(high, zero);
-    let high = v.vmin(high, one);
-    v.vsub(high, low)
+    /// What a difference of places on the image plane is on the light, seen from receivers at reciprocal depth `receiver` past a
+    /// patch at `patch`; 0 where the patch is not nearer to the light than the receiver, so that it hides nothing. Three operations.
+    #[inline(always)]
+    pub fn per_place(&self, v: &mut V, patch: V::F32, receiver: V::F32) -> V::F32 {
+        let between = v.vsub(patch, receiver);
+        let before = v.vcmp_gt(between, self.zero);
+        v.vrcp_or(self.zero, before, between)
+    }
+
+    /// Where the line from a receiver past an edge meets the light, along one axis: 0 and 1 at its ends. `from`: from the place of the
+    /// receiver to that of the edge; `per_place` in widths of the light. One operation.
+    #[inline(always)]
+    pub fn reprojected(&self, v: &mut V, from: V::F32, per_place: V::F32) -> V::F32 {
+        v.vmadd(from, per_place, self.half)
+    }
+
+    /// Part of the light between two places on it. Four operations; of places side by side the parts add up.
+    #[inline(always)]
+    pub fn between(&self, v: &mut V, low: V::F32, high: V::F32) -> V::F32 {
+        let low = v.vmax(low, self.zero);
+        let high = v.vmin(high, self.one);
+        let part = v.vsub(high, low);
+        v.vmax(part, self.zero)
+    }
 }
 
 /// Depth of the tip of a penumbra, between light and patch, for a light and a patch of these widths: `z_P r / (1 + r)` with

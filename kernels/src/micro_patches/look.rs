@@ -116,6 +116,7 @@ impl Kernel for Look {
             let visible = v.vsub(one, hidden);
             let visible = v.vmax(visible, zero);
             let visible = v.vmin(visible, one);
+            let visible = v.vblend_f32(seen, visible, one);
             let pixel = v.vload_i32(receivers.columns.column(field!(Receiver.pixel)), i);
             v.vscatter_f32(live, self.visibility, pixel, visible);
             i = scalar!(v, i + 16);
