@@ -8,7 +8,7 @@ use common::{
     Lanewise, On, Random, add_box, add_triangle, cases, data, draw, evaluate, input, polygons, run_step,
     same_on_all_back_ends, shipped,
 };
-use lrbsim_isa::{Arena, HostSimd, Phase, Runner, Step, Vpu};
+use lrbsim_isa::{Arena, HostSimd, Phase, Runner, Step, VECTOR_REGISTERS, Vpu};
 use lrbsim_kernels::method::Method;
 use lrbsim_kernels::micro_patches::{MicroPatches, geometry};
 use lrbsim_workloads::glam::{DVec2, DVec3};
@@ -696,6 +696,19 @@ fn pictures_are_the_same_on_all_back_ends_and_tasks_are_short() {
     same_on_all_back_ends(&MicroPatches, "size=32,ssm=256", &input);
     same_on_all_back_ends(&MicroPatches, "size=64,ssm=64,blend=f16-truncating,extent=occluder", &input);
     same_on_all_back_ends(&MicroPatches, "size=16,ssm=512", &input);
+}
+
+#[test]
+fn kernels_fit_the_registers() {
+    let input = under_rectangle("tiny", (120, 90), 0.25);
+    // The records of triangles, which all methods share, take one more than there are.
+    let most = VECTOR_REGISTERS + 1;
+    for options in ["size=128,ssm=128,passes=2", "size=64,ssm=64,blend=f16-truncating,extent=occluder"] {
+        for (step, figures) in draw(&MicroPatches, options, &input, On::Recording(HostSimd::detect())).steps {
+            println!("{step:18} {} live vectors", figures.live_vectors_max);
+            assert!(figures.live_vectors_max <= most, "{step}: {} live vectors", figures.live_vectors_max);
+        }
+    }
 }
 
 #[test]

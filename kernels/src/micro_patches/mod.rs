@@ -10,7 +10,7 @@
 //! look      receivers look up what is hidden of the light there
 //! ```
 //!
-//! Occluders do not shadow themselves or one another, and receivers throw no shadows: [`parts`] tells them apart. What only other
+//! Occluders do not shadow themselves or one another, and receivers throw no shadows: `parts` tells them apart. What only other
 //! points of the light than its middle see is missing, all of it behind the nearest faces; a second map of the farthest faces
 //! that look away brings most of it back.
 
