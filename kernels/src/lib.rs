@@ -40,3 +40,4 @@ pub mod pcss;
 pub mod penumbra_map;
 pub mod micro_patches;
 pub mod raytrace;
+pub mod sintorn;

@@ -157,6 +157,16 @@ impl<V: Vpu> View<V> {
         View { s: pairs.map(|(s, _)| s), t: pairs.map(|(_, t)| t), units, foot, ..self }
     }
 
+    /// The vectors that lead from the middle of the light to the places (1, 0) and (0, 1). `radius`: of a disc.
+    #[inline(always)]
+    pub fn spans(&self, v: &mut V, radius: f32) -> [Vec3<V>; 2] {
+        if let Some(units) = self.units {
+            return units;
+        }
+        let radius = v.vset_f32(radius);
+        each!(of in [self.s, self.t] => each!(axis in [0, 1, 2] => v.vmul(of[axis], radius)))
+    }
+
     /// The point at `place` on the light, light-centred. `radius`: of a disc.
     #[inline(always)]
     pub fn point(&self, v: &mut V, place: Vec2<V>, radius: f32) -> Vec3<V> {

@@ -1,19 +1,24 @@
 //! Samples of the light, each as much of it as any other, turned from pixel to pixel so that no pattern shows.
 
-use lrbsim_isa::{Arena, Vpu};
+#![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
+
+use lrbsim_isa::{Addr, Arena, Compare, Kernel, Runner, Step, Stopped, Vpu, math};
 use lrbsim_workloads::Outline;
 use lrbsim_workloads::glam::DVec2;
 use lrbsim_workloads::reference::spiral;
 
-use crate::columns::Columns;
-use crate::expression::{each, int};
+use crate::columns::{Columns, lanes_below, task_range};
+use crate::expression::{each, int, scalar};
 use crate::field;
-use crate::irregular::receivers::Receiver;
+use crate::irregular::receivers::{Receiver, Receivers};
 use crate::scene::fill;
 use crate::segment::Vec2;
 
 /// Directions that the samples are turned to.
 const TURNS: u32 = 16;
+
+/// Receivers of a task that resolves.
+const TASK: u32 = 256;
 
 /// A sample of the light, in radii.
 #[repr(C)]
@@ -94,6 +99,49 @@ impl LightSamples {
     }
 }
 
+/// Turns how many of `count` samples are hidden from each receiver, word by word at `hidden`, into the visible parts of the light, by
+/// pixel at `visibility`.
+pub fn resolve(
+    receivers: Receivers,
+    count: u32,
+    hidden: Addr,
+    visibility: Addr,
+    runner: &mut Runner<'_>,
+) -> Result<(), Stopped> {
+    let kernel = Resolve { receivers, count, hidden, visibility };
+    // SAFETY: each task writes the pixels of its own receivers.
+    runner.run(&unsafe { Step::independent("resolve", receivers.count.div_ceil(TASK), kernel) })
+}
+
+/// Turns counts into visible parts of the light.
+struct Resolve {
+    receivers: Receivers,
+    /// Samples of the light.
+    count: u32,
+    /// Those that are hidden from each receiver.
+    hidden: Addr,
+    visibility: Addr,
+}
+
+impl Kernel for Resolve {
+    #[inline(always)]
+    fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
+        let (mut i, end) = task_range(v, task, TASK, self.receivers.count);
+        let count = v.vset_f32(self.count as f32);
+        let one = v.vset_f32(1.0);
+        while v.branch(Compare::Less, i, end) {
+            let live = lanes_below(v, i, end);
+            let hidden = v.vload_i32(self.hidden, i);
+            let hidden = v.vcvt_i32_f32(hidden);
+            let hidden = math::div(v, hidden, count);
+            let visible = v.vsub(one, hidden);
+            let pixel = v.vload_i32(self.receivers.columns.column(field!(Receiver.pixel)), i);
+            v.vscatter_f32(live, self.visibility, pixel, visible);
+            i = scalar!(v, i + 16);
+        }
+    }
+}
+
 /// Number of the turn of each pixel among `turns`, a power of two: by the golden section from one pixel to the next.
 #[inline(always)]
 pub fn turn_of<V: Vpu>(v: &mut V, pixel: V::I32, turns: u32) -> V::I32 {
@@ -110,7 +158,7 @@ pub fn rotated<V: Vpu>(v: &mut V, [x, y]: Vec2<V>, [cos, sin]: Vec2<V>) -> Vec2<
     [v.vmsub(x, cos, y_sin), v.vmadd(x, sin, y_cos)]
 }
 
-/// Places of `count` samples of a light, a power of two: each stands for as much of it as any other.
+/// Places of `count` samples of a light: each stands for as much of it as any other. On a square their number must be a power of two.
 pub fn places(outline: Outline, count: u32) -> Vec<DVec2> {
     let even = |i: u32| (2.0 * f64::from(i) + 1.0) / f64::from(count) - 1.0;
     match outline {

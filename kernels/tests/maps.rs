@@ -65,19 +65,23 @@ fn hits(input: &ShadowInput, direction: DVec3) -> impl Iterator<Item = Hit> {
 
 #[test]
 fn every_texel_has_the_nearest_triangle() {
+    // Tiles of 16 texels a side, and of 64.
+    let maps = (0..12).map(|seed| (seed, 128)).chain([(12, 512), (13, 2048)]);
     let (mut compared, mut covered) = (0, 0);
-    for seed in 0..12 {
+    for (seed, size) in maps {
         let (mesh, receivers) = random_scene(seed, 300);
         let input = input(mesh, sphere(0.0), &receivers);
-        let (map, arena) = map(&input, 128);
+        let (map, arena) = map(&input, size);
         let layout = map.layout;
         let (tile, tiles) = (1 << layout.tile_log2, 1 << layout.tiles_log2());
         for slot in 0..layout.slot_count {
             let face = arena.read_u32(layout.slots.host(slot, field!(MapSlot.face)));
             let axis = face as usize / 2;
             let of = |field| f64::from(arena.read_f32(layout.faces.host(face, field)));
-            // Every third texel of every fifth row: all tiles, and all places in them.
-            for (x, y) in (0..128).step_by(5).flat_map(|y| (0..128).step_by(3).map(move |x| (x, y))) {
+            // Every third texel of every fifth row, or as many of larger maps: all tiles, and all places in them.
+            let step = |texels: usize| texels * size as usize / 128 | 1;
+            let row = |y| (0..size).step_by(step(3)).map(move |x| (x, y));
+            for (x, y) in (0..size).step_by(step(5)).flat_map(row) {
                 let mut direction = DVec3::ZERO;
                 direction[axis] = if face.is_multiple_of(2) { 1.0 } else { -1.0 };
                 direction[(axis + 1) % 3] =

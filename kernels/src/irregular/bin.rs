@@ -8,8 +8,8 @@ use lrbsim_isa::{Addr, Compare, Kernel, Runner, Step, Stopped, Vpu};
 
 use super::FACES;
 use super::grid::Grid;
-use super::primitives::{BACK, EdgeRecord, FACES_SHIFT, FRONT, Kind, Primitives, TriangleRecord};
-use super::touch::{Edge, FaceFrame, Touch, Triangle};
+use super::primitives::{EdgeRecord, FACES_SHIFT, Kind, Layer, Primitives};
+use super::touch::{Edge, FaceFrame, Touch};
 use crate::clear;
 use crate::columns::{lanes_below, take_lane, task_range};
 use crate::expression::scalar;
@@ -31,7 +31,11 @@ pub struct Bins {
 
 impl Bins {
     /// Puts the primitives into bins: counts what each bin gets, then writes it.
-    pub fn build(primitives: &Primitives, grid: &Grid, runner: &mut Runner<'_>) -> Result<Bins, Stopped> {
+    pub fn build<T: Layer>(
+        primitives: &Primitives<T>,
+        grid: &Grid,
+        runner: &mut Runner<'_>,
+    ) -> Result<Bins, Stopped> {
         let tasks = task_counts(primitives).iter().sum();
         let bin_count = grid.faces.bin_count;
         let [starts] = clear::zeroed(runner, [Lists::start_words(2 * bin_count)])?;
@@ -48,20 +52,20 @@ impl Bins {
 }
 
 /// Tasks of the triangles and of the edges. A point light has no silhouettes.
-fn task_counts(primitives: &Primitives) -> [u32; 2] {
+fn task_counts<T>(primitives: &Primitives<T>) -> [u32; 2] {
     [primitives.triangle_count.div_ceil(TASK), primitives.edge_count.div_ceil(TASK)]
 }
 
 /// Counts or writes the primitives of the bins.
-struct Bin {
+struct Bin<T> {
     lists: Lists,
     /// Where the lists are written; `None` where they are counted.
     items: Option<Addr>,
-    primitives: Primitives,
+    primitives: Primitives<T>,
     grid: Grid,
 }
 
-impl Kernel for Bin {
+impl<T: Layer> Kernel for Bin<T> {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
         let primitives = &self.primitives;
@@ -76,11 +80,11 @@ impl Kernel for Bin {
             let none = v.s_imm(0);
             while v.branch(Compare::Less, i, end) {
                 let triangle = primitives.triangles.record(v, i);
-                let flags = triangle.scalar(v, field!(TriangleRecord.flags[0]));
-                let layers = scalar!(v, flags & { FRONT | BACK });
+                let flags = triangle.scalar(v, T::flags());
+                let layers = scalar!(v, flags & { T::COUNTED });
                 if v.branch(Compare::NotEqual, layers, none) {
                     let faces = scalar!(v, (flags >> { FACES_SHIFT }) & seen);
-                    self.descend::<V, Triangle<V>>(v, triangle, faces, i, table, Kind::Triangles);
+                    self.descend::<V, T::Touch<V>>(v, triangle, faces, i, table, Kind::Triangles);
                 }
                 i = scalar!(v, i + 1);
             }
@@ -104,7 +108,7 @@ impl Kernel for Bin {
     }
 }
 
-impl Bin {
+impl<T> Bin<T> {
     /// The list of bin 0 for primitives of `kind`.
     #[inline(always)]
     fn first_list<V: Vpu>(&self, v: &mut V, kind: Kind) -> V::S32 {

@@ -1,8 +1,11 @@
 //! What is binned and rasterized: triangles, which hide the light as a whole, and edges, which have a penumbra.
 
+use lrbsim_isa::Vpu;
 use lrbsim_workloads::{LightShape, ShadowInput};
 
-use crate::record::Records;
+use super::touch::{self, Touch};
+use crate::field;
+use crate::record::{Field, Records};
 
 /// Rounding of positions about a receiver, relative to the largest coordinate of receivers, with a factor of eight to spare.
 pub(super) const POSITION_SLACK: f32 = 1e-6;
@@ -32,6 +35,56 @@ pub const AWAY: i32 = 4;
 pub const CUTS: i32 = 8;
 /// Where in the flags of a triangle the bits of the faces begin.
 pub const FACES_SHIFT: i32 = 8;
+
+/// A triangle with all that it hides of any part of the light: one line.
+#[repr(C, align(64))]
+pub struct WideTriangle {
+    /// Its corners, light-centred, in the order of the vertices' numbers: triangles on one edge have it in one direction.
+    pub corners: [[f32; 3]; 3],
+    /// Normal of the triangle, away from the middle of the light.
+    pub normal: [f32; 3],
+    /// The triangle's plane, `point . normal` of its points, farther by `slack`.
+    pub plane: f32,
+    /// What f32 makes of a point on the plane, see [`plane_slack`](crate::plane::plane_slack).
+    pub slack: f32,
+    /// Least distance of the triangle from the middle of the light.
+    pub nearest: f32,
+    /// [`FRONT`], [`BACK`] and [`CUTS`]; from bit [`FACES_SHIFT`] on the faces on which it can hide a part of the light; the sign bit is
+    /// set where the determinant of the corners, in their order, is negative.
+    pub flags: i32,
+}
+
+/// A triangle as it is sorted to bins and cells.
+pub trait Layer: Sized + 'static {
+    /// What receivers are tested with it.
+    type Touch<V: Vpu>: Touch<V, Record = Self>;
+
+    /// The field of its flags, which have the faces from bit [`FACES_SHIFT`] on.
+    fn flags() -> Field<Self, i32>;
+
+    /// Flags of which one must be set, or the triangle hides nothing.
+    const COUNTED: i32;
+}
+
+impl Layer for TriangleRecord {
+    type Touch<V: Vpu> = touch::Triangle<V>;
+
+    fn flags() -> Field<Self, i32> {
+        field!(TriangleRecord.flags[0])
+    }
+
+    const COUNTED: i32 = FRONT | BACK;
+}
+
+impl Layer for WideTriangle {
+    type Touch<V: Vpu> = touch::Wide<V>;
+
+    fn flags() -> Field<Self, i32> {
+        field!(WideTriangle.flags)
+    }
+
+    const COUNTED: i32 = FRONT | BACK | CUTS;
+}
 
 /// An edge as seen from the light: one line.
 #[repr(C, align(64))]
@@ -110,12 +163,11 @@ impl LightConstants {
 }
 
 /// The primitives of a frame: made by its method, before they are binned.
-#[derive(Clone, Copy)]
-pub struct Primitives {
+pub struct Primitives<T = TriangleRecord> {
     /// The light that they are seen from.
     pub light: LightConstants,
     /// Records of the triangles.
-    pub triangles: Records<TriangleRecord>,
+    pub triangles: Records<T>,
     /// Number of triangles.
     pub triangle_count: u32,
     /// Records of the edges that have a penumbra.
@@ -123,6 +175,15 @@ pub struct Primitives {
     /// Number of these edges.
     pub edge_count: u32,
 }
+
+impl<T> Clone for Primitives<T> {
+    #[inline(always)]
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<T> Copy for Primitives<T> {}
 
 /// The two kinds of primitives, whose lists lie one behind the other: triangles of all bins, then edges of all bins; so of
 /// the cells.

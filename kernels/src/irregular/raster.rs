@@ -14,8 +14,8 @@ use lrbsim_isa::{Addr, Compare, Kernel, Runner, Step, Stopped, Vpu};
 use super::bin::Bins;
 use super::faces::BinPlace;
 use super::grid::Grid;
-use super::primitives::Primitives;
-use super::touch::{Edge, FaceFrame, Touch, Triangle};
+use super::primitives::{Layer, Primitives};
+use super::touch::{Edge, FaceFrame, Touch};
 use super::{BIN_CELLS, FACES};
 use crate::clear;
 use crate::columns::{Columns, lower, take_lane, task_range};
@@ -70,8 +70,8 @@ pub struct Raster {
 
 impl Raster {
     /// Rasters the primitives of the bins: counts the records of each cell, then writes them.
-    pub fn build(
-        primitives: &Primitives,
+    pub fn build<T: Layer>(
+        primitives: &Primitives<T>,
         grid: &Grid,
         bins: &Bins,
         runner: &mut Runner<'_>,
@@ -159,18 +159,18 @@ impl Kernel for Pieces {
 }
 
 /// Counts or writes the records of the cells.
-struct Rasterize {
+struct Rasterize<T> {
     pieces: Columns<Piece>,
     lists: Lists,
     /// Where records are written; `None` where they are counted.
     records: Option<Records<CellRecord>>,
     /// The items of the lists of the bins: numbers of primitives.
     items: Addr,
-    primitives: Primitives,
+    primitives: Primitives<T>,
     grid: Grid,
 }
 
-impl Kernel for Rasterize {
+impl<T: Layer> Kernel for Rasterize<T> {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
         let Rasterize { pieces, lists, primitives, grid, .. } = self;
@@ -192,7 +192,7 @@ impl Kernel for Rasterize {
             if v.branch(Compare::Equal, face, number) {
                 let frame = FaceFrame::new(face_number);
                 if of_triangles {
-                    self.piece::<V, Triangle<V>>(v, frame, primitives.triangles, piece);
+                    self.piece::<V, T::Touch<V>>(v, frame, primitives.triangles, piece);
                 } else {
                     self.piece::<V, Edge<V>>(v, frame, primitives.edges, piece);
                 }
@@ -217,7 +217,7 @@ struct PieceOf<V: Vpu> {
     first_list: V::S32,
 }
 
-impl Rasterize {
+impl<T> Rasterize<T> {
     /// Rasters the primitives of a piece over the blocks and cells of its bin.
     #[inline(always)]
     fn piece<V: Vpu, P: Touch<V>>(

@@ -8,13 +8,13 @@
 use lrbsim_isa::{Addr, Compare, Kernel, Runner, Step, Stopped, Vpu, math};
 
 use super::primitives::{EdgeRecord, LightConstants, Primitives, TriangleRecord};
-use super::touch::faces_of_edges;
+use super::touch::faces_of_penumbras;
 use super::triangles;
 use crate::clear;
 use crate::columns::{lanes_below, task_range};
 use crate::expression::{each, int, scalar};
 use crate::field;
-use crate::plane::{dot, edge_normal, sub};
+use crate::plane::{Vec3, dot, edge_normal, sub};
 use crate::record::{Records, words};
 use crate::scene::{Edge, ObjectNumbers, Scene};
 
@@ -217,17 +217,7 @@ impl Kernel for EdgeRecords {
             let a = scene.positions(v, live, low);
             let b = scene.positions(v, live, high);
             let normal = edge_normal(v, a, b);
-            // Least distance from the light: the foot of the perpendicular, where it lies on the edge.
-            let along = sub(v, b, a);
-            let length2 = dot(v, along, along);
-            let back = dot(v, a, along);
-            let back = v.vsub(zero, back);
-            let foot = math::div(v, back, length2);
-            let foot = v.vmax(foot, zero);
-            let foot = v.vmin(foot, one);
-            let mut near = |axis: usize| v.vmadd(along[axis], foot, a[axis]);
-            let nearest = [near(0), near(1), near(2)];
-            let least2 = dot(v, nearest, nearest);
+            let least2 = least_distance2(v, a, b, [zero, one]);
             let least = math::sqrt(v, least2);
 
             let front = int!(v, weight << sixteen);
@@ -248,7 +238,7 @@ impl Kernel for EdgeRecords {
             v.vscatter_f32(live, records.field(field!(EdgeRecord.nearest)), at, least);
             let offset = rounding_offset(v, number);
             v.vscatter_f32(live, records.field(field!(EdgeRecord.rounding_offset)), at, offset);
-            let faces = faces_of_edges(v, &self.light, a, b);
+            let faces = faces_of_penumbras(v, &self.light, [a, b]);
             v.vscatter_i32(live, records.field(field!(EdgeRecord.faces)), at, faces);
             if let Some(objects) = self.objects {
                 let object = v.vgather_i32_or(none, live, objects.edges, edge);
@@ -257,6 +247,21 @@ impl Kernel for EdgeRecords {
             i = scalar!(v, i + 16);
         }
     }
+}
+
+/// Least square distance of edges `a -> b` from the light: that of the foot of the perpendicular, where it lies on the edge. The
+/// constants 0 and 1 are the caller's.
+#[inline(always)]
+pub(crate) fn least_distance2<V: Vpu>(v: &mut V, a: Vec3<V>, b: Vec3<V>, [zero, one]: [V::F32; 2]) -> V::F32 {
+    let along = sub(v, b, a);
+    let length2 = dot(v, along, along);
+    let back = dot(v, a, along);
+    let back = v.vsub(zero, back);
+    let foot = math::div(v, back, length2);
+    let foot = v.vmax(foot, zero);
+    let foot = v.vmin(foot, one);
+    let nearest = each!(axis in [0, 1, 2] => v.vmadd(along[axis], foot, a[axis]));
+    dot(v, nearest, nearest)
 }
 
 /// What edge `number` adds before it rounds, in (-1/2, 1/2): multiples of the golden ratio modulo 1, which lie as evenly as can be.

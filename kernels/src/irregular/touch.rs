@@ -9,15 +9,20 @@ use lrbsim_isa::{Vpu, math};
 
 use super::faces::Faces;
 use super::nodes::Node;
-use super::primitives::{self, EdgeRecord, LightConstants, TriangleRecord};
+use super::primitives::{self, CUTS, EdgeRecord, LightConstants, TriangleRecord, WideTriangle};
 use super::{FACES, FAR};
 use crate::columns::Columns;
-use crate::expression::each;
+use crate::expression::{each, int};
 use crate::field;
+use crate::plane;
 use crate::record::{Field, Record};
 
 /// Rounding of a dot product of three terms, relative to the sum of their sizes, with a factor of four to spare.
 const DOT_SLACK: f32 = 1e-6;
+
+/// Rounding of a cross product, relative to the product of the sums of the sizes of its factors, one of which is a difference; twice
+/// what it can be.
+const CROSS_SLACK: f32 = 5e-7;
 
 /// Rounding of a position on the image plane, whose coordinates are at most about 1.
 const IMAGE_SLACK: f32 = 1e-6;
@@ -205,6 +210,123 @@ impl<V: Vpu> Touch<V> for Triangle<V> {
     }
 }
 
+/// A triangle in a face's frame, and how wide the penumbra about its image is by depth.
+///
+/// What hides a part of the light from receiver p is a point v of the triangle with **distance <= r (|p'| / z_v - cos phi |v'| / z_p)**
+/// between their images, as for an [`Edge`]. The image lies inside of all three edge planes, so that no receiver is farther from it
+/// than it is outside of any of them: what is cut off at the corners by a circle is not cut off here.
+pub struct Wide<V: Vpu> {
+    /// Edge planes, as distances on the image plane: 0 where the plane does not cut that.
+    edges: [Form<V>; 3],
+    plane: Form<V>,
+    distance: V::F32,
+    /// The triangle's plane cuts the light: receivers on both sides of it have parts of the light on the other.
+    cuts: V::Mask,
+    widths: Widths<V>,
+}
+
+impl<V: Vpu> Touch<V> for Wide<V> {
+    type Record = WideTriangle;
+
+    #[inline(always)]
+    fn set_up(v: &mut V, faces: &Faces, frame: FaceFrame, record: Record<V, WideTriangle>) -> Self {
+        let (zero, one) = (v.vset_f32(0.0), v.vset_f32(1.0));
+        let corners = each!(corner in [0, 1, 2] => record.vec3(v, field!(WideTriangle.corners[corner])));
+        let sign_bit = v.vset_i32(i32::MIN);
+        let flags = record.int(v, field!(WideTriangle.flags));
+        let negative = v.vand(flags, sign_bit);
+        let rounded = v.vset_f32(CROSS_SLACK);
+        let edges = each!(edge in [0, 1, 2] => {
+            let (start, end) = (corners[edge], corners[(edge + 1) % 3]);
+            let normal = plane::edge_normal(v, start, end);
+            let along = plane::sub(v, end, start);
+            let normal = frame.turned(v, normal);
+            let length2 = v.vmul(normal[1], normal[1]);
+            let length2 = v.vmadd(normal[0], normal[0], length2);
+            let cuts = v.vcmp_gt(length2, zero);
+            let per_length = v.vrsqrt(length2);
+            let per_length = v.vblend_f32(cuts, per_length, zero);
+            // What rounding may make of the product, of an edge that is seen nearly along itself above all.
+            let sizes = [sum_of_sizes(v, start), sum_of_sizes(v, along)];
+            let slack = v.vmul(sizes[0], sizes[1]);
+            let slack = v.vmul(slack, rounded);
+            let slack = v.vmul(slack, per_length);
+            let per_length = flipped(v, per_length, negative);
+            let normal = each!(axis in [0, 1, 2] => v.vmul(normal[axis], per_length));
+            let form = Form::new(v, normal);
+            Form { c: v.vadd(form.c, slack), ..form }
+        });
+        let corners = each!(corner in [0, 1, 2] => frame.turned(v, corners[corner]));
+        let normal = frame.load(v, record, field!(WideTriangle.normal));
+        let plane = Form::new(v, normal);
+        let distance = record.float(v, field!(WideTriangle.plane));
+        let cut_bit = v.vset_i32(CUTS);
+        let none = v.vset_i32(0);
+        let cuts = int!(v, flags & cut_bit);
+        let cuts = v.vicmp_neq(cuts, none);
+
+        let least = record.float(v, field!(WideTriangle.nearest));
+        let clip = v.vset_f32(CLIP);
+        let floor = v.vmul(clip, least);
+        let depth = v.vmin(corners[0][2], corners[1][2]);
+        let depth = v.vmin(depth, corners[2][2]);
+        let depth = v.vmax(depth, floor);
+        let per_depth = v.vrcp(depth);
+        // The image is no nearer to the axis than the planes are.
+        let mut outside = zero;
+        for edge in &edges {
+            let beyond = v.vsub(zero, edge.c);
+            outside = v.vmax(outside, beyond);
+        }
+        let outside2 = v.vmul(outside, outside);
+        let radius = faces.bound_radius(v);
+        let bound = v.vset_f32(NEAR);
+        let bound = v.vmul(bound, least);
+        let everywhere = v.vcmp_ge(radius, bound);
+        let near = v.vmul(radius, per_depth);
+        let cos = Widths::cos(v, radius, least, [zero, one]);
+        let far = Widths::far(v, radius, cos, outside2, one);
+        Wide { edges, plane, distance, cuts, widths: Widths { near, far, everywhere } }
+    }
+
+    #[inline(always)]
+    fn touch(&self, v: &mut V, nodes: Columns<Node>, at: V::S32, live: Option<V::Mask>) -> (V::Mask, V::F32) {
+        let rectangles = Rectangles::load(v, nodes, at);
+        let reach = v.vload_f32(nodes.column(field!(Node.reach)), at);
+        let zero = v.vset_f32(0.0);
+        let mut outside = zero;
+        for edge in &self.edges {
+            let inside = edge.max(v, &rectangles);
+            let beyond = v.vsub(zero, inside);
+            outside = v.vmax(outside, beyond);
+        }
+        let all = v.mask_all();
+        let slack = v.vset_f32(IMAGE_SLACK);
+        let (touched, start) = self.widths.touch(v, all, &rectangles, [reach, outside, slack, zero], live);
+
+        // The deepest receiver beyond the plane.
+        let slope = self.plane.max(v, &rectangles);
+        let beyond = v.vmul(slope, rectangles.depth);
+        let is_beyond = v.vcmp_ge(beyond, self.distance);
+        let is_beyond = v.kor(is_beyond, self.cuts);
+        let touched = v.kand(touched, is_beyond);
+        let inverse = v.vrcp(slope);
+        let plane_start = v.vmul(self.distance, inverse);
+        let less = v.vset_f32(1.0 - DOT_SLACK);
+        let plane_start = v.vmul(plane_start, less);
+        let plane_start = v.vblend_f32(self.cuts, zero, plane_start);
+        (touched, v.vmax(start, plane_start))
+    }
+}
+
+/// The sum of the sizes of the components.
+#[inline(always)]
+fn sum_of_sizes<V: Vpu>(v: &mut V, p: [V::F32; 3]) -> V::F32 {
+    let [x, y, z] = each!(axis in [0, 1, 2] => v.vabs(p[axis]));
+    let sum = v.vadd(x, y);
+    v.vadd(sum, z)
+}
+
 /// The image of 16 edges, or of one in every lane, on the plane at depth 1 of a face.
 pub(crate) struct Image<V: Vpu> {
     /// Edges of which some is in front of the face; the others have no image.
@@ -261,14 +383,9 @@ pub struct Edge<V: Vpu> {
     from: [V::F32; 2],
     along: [V::F32; 2],
     per_length2: V::F32,
-    /// `r / z_v`, for the least depth of the edge.
-    near_width: V::F32,
-    /// `r cos phi |v'|`, for the least of each.
-    far_width: V::F32,
+    widths: Widths<V>,
     /// Some of the edge is in front of the face.
     in_front: V::Mask,
-    /// The edge is so close to the light that it is taken to touch everything.
-    everywhere: V::Mask,
     /// Rounding of positions on the image plane; `None`: [`IMAGE_SLACK`], and widths are those of discs that face the receivers.
     flat: Option<V::F32>,
 }
@@ -298,29 +415,19 @@ impl<V: Vpu> Touch<V> for Edge<V> {
 
         if faces.form == primitives::Form::Printed {
             let everywhere = v.mask_none();
-            let (near_width, far_width) = (radius, radius);
-            let edge =
-                Edge { from, along, per_length2, near_width, far_width, in_front, everywhere, flat: None };
+            let widths = Widths { near: radius, far: radius, everywhere };
+            let edge = Edge { from, along, per_length2, widths, in_front, flat: None };
             return edge.flattened(v, to, [per_a, per_b]);
         }
 
-        // Widths.
         let per_depth = v.vmax(per_a, per_b);
-        let near_width = v.vmul(radius, per_depth);
-        let per_least = v.vrcp(least);
-        let sin = v.vmul(radius, per_least);
-        let cos2 = v.vnmadd(sin, sin, one);
-        let cos2 = v.vmax(cos2, zero);
-        let cos = math::sqrt(v, cos2);
-        let edge =
-            Edge { from, along, per_length2, near_width, far_width: zero, in_front, everywhere, flat: None };
+        let near = v.vmul(radius, per_depth);
+        let cos = Widths::cos(v, radius, least, [zero, one]);
+        let widths = Widths { near, far: zero, everywhere };
+        let edge = Edge { from, along, per_length2, widths, in_front, flat: None };
         let origin_distance2 = edge.distance2(v, [zero, zero]);
-        let reach2 = v.vadd(origin_distance2, one);
-        let reach = math::sqrt(v, reach2);
-        let far_width = v.vmul(radius, cos);
-        let far_width = v.vmul(far_width, reach);
-        let less = v.vset_f32(1.0 - WIDTH_SLACK);
-        Edge { far_width: v.vmul(far_width, less), ..edge }
+        let far = Widths::far(v, radius, cos, origin_distance2, one);
+        Edge { widths: Widths { far, ..edge.widths }, ..edge }
     }
 
     #[inline(always)]
@@ -333,15 +440,61 @@ impl<V: Vpu> Touch<V> for Edge<V> {
         let zero = v.vset_f32(0.0);
         let slack = v.vset_f32(IMAGE_SLACK);
         let distance = self.least_distance(v, &rectangles, slack, zero);
+        self.widths.touch(v, self.in_front, &rectangles, [reach, distance, slack, zero], live)
+    }
+}
 
+/// Half widths of the penumbra about the image of a primitive, on the plane at depth 1.
+struct Widths<V: Vpu> {
+    /// `r / z_v`, for the least depth of the primitive.
+    near: V::F32,
+    /// `r cos phi |v'|`, for the least of each.
+    far: V::F32,
+    /// The primitive is so close to the light that it is taken to touch everything.
+    everywhere: V::Mask,
+}
+
+impl<V: Vpu> Widths<V> {
+    /// Least cos phi of a primitive that comes as near as `least` to the light. The constants 0 and 1 are the caller's.
+    #[inline(always)]
+    fn cos(v: &mut V, radius: V::F32, least: V::F32, [zero, one]: [V::F32; 2]) -> V::F32 {
+        let per_least = v.vrcp(least);
+        let sin = v.vmul(radius, per_least);
+        let cos2 = v.vnmadd(sin, sin, one);
+        let cos2 = v.vmax(cos2, zero);
+        math::sqrt(v, cos2)
+    }
+
+    /// [`Widths::far`] of an image whose square distance from the axis is `distance2` or more. The constant 1 is the caller's.
+    #[inline(always)]
+    fn far(v: &mut V, radius: V::F32, cos: V::F32, distance2: V::F32, one: V::F32) -> V::F32 {
+        let reach2 = v.vadd(distance2, one);
+        let reach = math::sqrt(v, reach2);
+        let far = v.vmul(radius, cos);
+        let far = v.vmul(far, reach);
+        let less = v.vset_f32(1.0 - WIDTH_SLACK);
+        v.vmul(far, less)
+    }
+
+    /// See [`Touch::touch`]: of the rectangles in which receivers are at most `reach` times their depth from the light, and which are
+    /// `distance` or more from the image, by positions that are off by up to `slack`. The constant 0 is the caller's.
+    #[inline(always)]
+    fn touch(
+        &self,
+        v: &mut V,
+        in_front: V::Mask,
+        rectangles: &Rectangles<V>,
+        [reach, distance, slack, zero]: [V::F32; 4],
+        live: Option<V::Mask>,
+    ) -> (V::Mask, V::F32) {
         // Half width of the penumbra at the deepest receiver, at most.
         let more = v.vset_f32(1.0 + WIDTH_SLACK);
-        let widest = v.vmul(self.near_width, reach);
+        let widest = v.vmul(self.near, reach);
         let widest = v.vmul(widest, more);
         let per_depth = v.vrcp(rectangles.depth);
-        let width = v.vnmadd(self.far_width, per_depth, widest);
+        let width = v.vnmadd(self.far, per_depth, widest);
         let width = v.vadd(width, slack);
-        let touched = v.vcmp_le_masked(self.in_front, distance, width);
+        let touched = v.vcmp_le_masked(in_front, distance, width);
         let touched = v.kor(touched, self.everywhere);
         let touched = live.map_or(touched, |live| v.kand(touched, live));
         let touched = v.vcmp_gt_masked(touched, rectangles.depth, zero);
@@ -349,7 +502,7 @@ impl<V: Vpu> Touch<V> for Edge<V> {
         // Wedge test [algorithms, 2.7]: the depth at which the penumbra reaches the rectangle.
         let wide = v.vadd(widest, slack);
         let left = v.vsub(wide, distance);
-        let start = wedge_start(v, self.far_width, left);
+        let start = wedge_start(v, self.far, left);
         (touched, v.vblend_f32(self.everywhere, zero, start))
     }
 }
@@ -391,40 +544,64 @@ pub fn faces_of_triangles<V: Vpu>(v: &mut V, inward: [[V::F32; 3]; 3]) -> V::I32
     face_bits(v, touched)
 }
 
-/// Faces that can hold a receiver whose penumbra an edge touches, a bit each by number of the face; 16 edges `a -> b`.
+/// Faces that can hold a receiver whose penumbra an edge or a triangle touches, a bit each by number of the face; 16 of them, by
+/// their `N` corners.
 ///
 /// A face lies on one side of each of four planes through the light, `depth +- x >= 0` and `depth +- y >= 0`; no point of
 /// the light is beyond such a plane by more than its radius. Hence no point between the light and a receiver of the face
-/// is either, and an edge with both ends farther out touches none of them.
+/// is either, and what has all its corners farther out touches none of them.
 #[inline(always)]
-pub fn faces_of_edges<V: Vpu>(v: &mut V, light: &LightConstants, a: [V::F32; 3], b: [V::F32; 3]) -> V::I32 {
+pub fn faces_of_penumbras<V: Vpu, const N: usize>(
+    v: &mut V,
+    light: &LightConstants,
+    corners: [[V::F32; 3]; N],
+) -> V::I32 {
     // Of the sums below, which are sqrt 2 times a distance; wider by their rounding.
     let reach = v.vset_f32(-light.rounded_radius() * (core::f32::consts::SQRT_2 * (1.0 + WIDTH_SLACK)));
     let slack = v.vset_f32(-DOT_SLACK);
-    let (of_a, of_b) = (largest(v, a), largest(v, b));
-    let size = v.vmax(of_a, of_b);
+    let mut sizes = [slack; N];
+    for (size, corner) in sizes.iter_mut().zip(corners) {
+        *size = largest(v, corner);
+    }
+    let size = greatest(v, sizes);
     let reach = v.vmadd(size, slack, reach);
     let zero = v.vset_f32(0.0);
-    let minus_a = [v.vsub(zero, a[0]), v.vsub(zero, a[1]), v.vsub(zero, a[2])];
-    let minus_b = [v.vsub(zero, b[0]), v.vsub(zero, b[1]), v.vsub(zero, b[2])];
+    let mut minus = corners;
+    for x in minus.iter_mut().flatten() {
+        *x = v.vsub(zero, *x);
+    }
     let mut touched = [v.mask_none(); FACES as usize];
     for axis in 0..3 {
-        for (face, ends) in [(2 * axis, [&a, &b]), (2 * axis + 1, [&minus_a, &minus_b])] {
+        for (face, corners) in [(2 * axis, &corners), (2 * axis + 1, &minus)] {
             let mut here = v.mask_all();
             for other in [(axis + 1) % 3, (axis + 2) % 3] {
-                let mut sum = |p: &[V::F32; 3]| v.vadd(p[axis], p[other]);
-                let sums = [sum(ends[0]), sum(ends[1])];
-                let farthest = v.vmax(sums[0], sums[1]);
+                let mut sums = [zero; N];
+                for (sum, p) in sums.iter_mut().zip(corners) {
+                    *sum = v.vadd(p[axis], p[other]);
+                }
+                let farthest = greatest(v, sums);
                 here = v.vcmp_ge_masked(here, farthest, reach);
-                let mut difference = |p: &[V::F32; 3]| v.vsub(p[axis], p[other]);
-                let differences = [difference(ends[0]), difference(ends[1])];
-                let farthest = v.vmax(differences[0], differences[1]);
+                let mut differences = [zero; N];
+                for (difference, p) in differences.iter_mut().zip(corners) {
+                    *difference = v.vsub(p[axis], p[other]);
+                }
+                let farthest = greatest(v, differences);
                 here = v.vcmp_ge_masked(here, farthest, reach);
             }
             touched[face] = here;
         }
     }
     face_bits(v, touched)
+}
+
+/// The greatest of some numbers, lane by lane.
+#[inline(always)]
+fn greatest<V: Vpu, const N: usize>(v: &mut V, numbers: [V::F32; N]) -> V::F32 {
+    let mut greatest = numbers[0];
+    for number in &numbers[1..] {
+        greatest = v.vmax(greatest, *number);
+    }
+    greatest
 }
 
 /// The largest component.
@@ -451,11 +628,11 @@ impl<V: Vpu> Edge<V> {
     #[inline(always)]
     fn flattened(self, v: &mut V, to: [V::F32; 2], per_depths: [V::F32; 2]) -> Edge<V> {
         let per_depth = v.vmax(per_depths[0], per_depths[1]);
-        let near_width = v.vmul(self.near_width, per_depth);
+        let near = v.vmul(self.widths.near, per_depth);
         let more = v.vset_f32(1.0 + WIDTH_SLACK);
-        let near_width = v.vmul(near_width, more);
+        let near = v.vmul(near, more);
         let less = v.vset_f32(1.0 - WIDTH_SLACK);
-        let far_width = v.vmul(self.far_width, less);
+        let far = v.vmul(self.widths.far, less);
         // Ends that lie far off the face round by their own size.
         let mut farthest = v.vset_f32(1.0);
         for x in [self.from[0], self.from[1], to[0], to[1]] {
@@ -464,7 +641,7 @@ impl<V: Vpu> Edge<V> {
         }
         let slack = v.vset_f32(IMAGE_SLACK);
         let slack = v.vmul(farthest, slack);
-        Edge { near_width, far_width, flat: Some(slack), ..self }
+        Edge { widths: Widths { near, far, ..self.widths }, flat: Some(slack), ..self }
     }
 
     /// Which of 16 rectangles hold receivers whose circle the edge can touch, see [`Touch::touch`].
@@ -480,14 +657,14 @@ impl<V: Vpu> Edge<V> {
         let distance = self.least_distance(v, rectangles, slack, zero);
 
         // Half width of the penumbra at the deepest receiver, at most [algorithms, 2.7].
-        let wide = v.vadd(self.near_width, slack);
+        let wide = v.vadd(self.widths.near, slack);
         let per_depth = v.vrcp(rectangles.depth);
-        let width = v.vnmadd(self.far_width, per_depth, wide);
+        let width = v.vnmadd(self.widths.far, per_depth, wide);
         let touched = v.vcmp_le_masked(self.in_front, distance, width);
         let touched = live.map_or(touched, |live| v.kand(touched, live));
         let touched = v.vcmp_gt_masked(touched, rectangles.depth, zero);
         let left = v.vsub(wide, distance);
-        (touched, wedge_start(v, self.far_width, left))
+        (touched, wedge_start(v, self.widths.far, left))
     }
 
     /// Distance of 16 rectangles from the edge's image, at least: positions are off by up to `slack`. The constant 0 is the caller's.

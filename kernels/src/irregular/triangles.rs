@@ -10,7 +10,7 @@ use super::touch::faces_of_triangles;
 use crate::columns::{lanes_below, task_range};
 use crate::expression::{each, int, scalar};
 use crate::field;
-use crate::plane::{cross, dot, edge_normal, plane_slack, sub};
+use crate::plane::{Vec3, cross, dot, edge_normal, plane_slack, sub};
 use crate::record::{Records, words};
 use crate::scene::{ObjectNumbers, Scene, Triangle};
 
@@ -74,13 +74,7 @@ impl Kernel for TriangleRecords {
             // Layers by the facing; none for a triangle that is edge-on to the light.
             let layers = layers(v, counted, away, toward);
 
-            // Does its plane come nearer to the middle of the light than the radius, or by rounding seem not to?
-            let reach = v.vset_f32(radius * 1.001);
-            let reach = v.vmul(reach, reach);
-            let length2 = dot(v, normal, normal);
-            let reach = v.vmul(reach, length2);
-            let det2 = v.vmul(det, det);
-            let cuts = v.vcmp_lt(det2, reach);
+            let cuts = cuts(v, normal, det, *radius);
             let cut_bit = v.vset_i32(CUTS);
             let layers = v.vor_or(layers, cuts, layers, cut_bit);
 
@@ -131,9 +125,21 @@ impl Kernel for TriangleRecords {
     }
 }
 
+/// Triangles whose plane comes nearer to the middle of the light than its `radius`, or by rounding seems not to. `det`: the product of
+/// their points with their `normal`.
+#[inline(always)]
+pub(crate) fn cuts<V: Vpu>(v: &mut V, normal: Vec3<V>, det: V::F32, radius: f32) -> V::Mask {
+    let reach = v.vset_f32(radius * 1.001);
+    let reach = v.vmul(reach, reach);
+    let length2 = dot(v, normal, normal);
+    let reach = v.vmul(reach, length2);
+    let det2 = v.vmul(det, det);
+    v.vcmp_lt(det2, reach)
+}
+
 /// Layers of triangles in F and B, and [`AWAY`] for those that face away; 0 for those edge-on.
 #[inline(always)]
-fn layers<V: Vpu>(v: &mut V, counted: V::I32, away: V::Mask, toward: V::Mask) -> V::I32 {
+pub(crate) fn layers<V: Vpu>(v: &mut V, counted: V::I32, away: V::Mask, toward: V::Mask) -> V::I32 {
     let none = v.vset_i32(0);
     let both = v.vset_i32(3);
     let half = v.vset_i32(16);

@@ -21,6 +21,9 @@ const TILE_MIN: u32 = 16;
 /// All faces, a bit each.
 const ALL_FACES: i32 = (1 << FACES) - 1;
 
+/// What f32 makes of a place on the image plane, as a part of its distance from the axis: eight roundings.
+const ROUNDED: f32 = 1.0 / (1 << 21) as f32;
+
 /// What kernels look up of a face.
 #[repr(C)]
 pub struct MapFace {
@@ -30,6 +33,8 @@ pub struct MapFace {
     pub per_unit: [f32; 2],
     /// Width of a texel on the image plane.
     pub unit: [f32; 2],
+    /// Texels by which rounding may move a place on the image plane.
+    pub slack: [f32; 2],
     /// Reciprocal depth of the farthest receiver: whatever throws a penumbra throws it no farther.
     pub farthest: f32,
     /// Number of its square among those of the faces that see receivers.
@@ -188,6 +193,11 @@ impl Kernel for Squares {
             self.store(v, seen, field!(MapFace.origin[axis]), origin);
             self.store(v, seen, field!(MapFace.per_unit[axis]), per_unit);
             self.store(v, seen, field!(MapFace.unit[axis]), unit);
+            let farther = v.vmax(high, minus_high);
+            let rounded = v.vset_f32(ROUNDED);
+            let rounded = v.vmul(rounded, farther);
+            let slack = v.vmul(rounded, per_unit);
+            self.store(v, seen, field!(MapFace.slack[axis]), slack);
         }
 
         let minus_deepest = v.vgather_f32_or(zero, seen, self.bounds.field(field!(FaceBounds.least[5])), at);

@@ -30,6 +30,9 @@ const ROUNDED: f32 = 4e-6;
 /// How much nearer than a receiver a surface must be where that is the same everywhere, in parts of reciprocal depth.
 const CONSTANT: f32 = 5e-3;
 
+/// Texels from the map's first to what is far off it: more than any map has, and few enough that texels can be counted from there.
+const FAR_OFF: f32 = (1 << 20) as f32;
+
 /// Sixteen receivers on the map.
 pub struct Places<V: Vpu> {
     /// Places on the image planes of their faces.
@@ -145,6 +148,8 @@ impl DepthMap {
             }
         }
         let least = v.vadd(own, places.slack);
+        // Beyond the horizon of the receiver's plane nothing hides it, an empty texel least of all.
+        let least = v.vmax(least, zero);
         (depth, v.vcmp_gt_masked(live, depth, least))
     }
 }
@@ -160,11 +165,14 @@ impl<V: Vpu> Places<V> {
     }
 }
 
-/// The texels that hold these places among texels.
+/// The texels that hold these places among texels; those of places far off the map are far off it on the same side.
 #[inline(always)]
 pub fn whole<V: Vpu>(v: &mut V, places: Vec2<V>) -> [V::I32; 2] {
+    let (low, high) = (v.vset_f32(-FAR_OFF), v.vset_f32(FAR_OFF));
     each!(axis in [0, 1] => {
-        let floor = v.vfloor(places[axis]);
+        let place = v.vmax(places[axis], low);
+        let place = v.vmin(place, high);
+        let floor = v.vfloor(place);
         v.vcvt_f32_i32(floor)
     })
 }

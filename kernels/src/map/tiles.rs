@@ -97,8 +97,11 @@ impl Boxes {
                 let from = v.vsub(place, origin);
                 v.vmul(from, per_unit)
             });
-            // Half a texel more than middles ask for, on either side: the slack of rounding.
+            // Half a texel more than middles ask for, on either side, and what rounding moves where texels are tiny.
+            let slack = v.vbroadcast_f32(layout.faces.column(field!(MapFace.slack[axis])), face);
             let low = v.vsub(low, one);
+            let low = v.vsub(low, slack);
+            let high = v.vadd(high, slack);
             let starts = v.vcmp_le(low, last);
             let ends = v.vcmp_ge(high, zero);
             covers = v.kand(covers, starts);

@@ -33,8 +33,11 @@ pub struct Pcss;
 
 const SEARCH: Phase = Phase { id: "search", title: "blocker search and filter", in_paper_total: false };
 
-/// Receivers of a task.
-const TASK: u32 = 64;
+/// Texels that a task looks at for each of 16 receivers that it handles together.
+const TASK_TEXELS: u32 = 512;
+
+/// Receivers of a task at most.
+const TASK_MAX: u32 = 256;
 
 /// Part of the map's side that lies outside of the receivers on each side, for what hides those at its border.
 const MARGIN: u32 = 16;
@@ -92,9 +95,10 @@ impl Method for Pcss {
         // SAFETY: each task writes the word of its own square.
         runner.run(&unsafe { Step::independent("nearest of faces", slots, Nearest { map, nearest }) })?;
         let radius = input.light_radius;
-        let kernel = Search { map, bias: bias(options), radius, search, taps, nearest, visibility };
+        let task = (16 * (TASK_TEXELS / (search.count + taps.count))).clamp(16, TASK_MAX);
+        let kernel = Search { map, bias: bias(options), radius, search, taps, nearest, task, visibility };
         // SAFETY: each task writes the pixels of its own receivers.
-        runner.run(&unsafe { Step::independent("search", map.receivers.count.div_ceil(TASK), kernel) })?;
+        runner.run(&unsafe { Step::independent("search", map.receivers.count.div_ceil(task), kernel) })?;
         Ok(Shadows { visibility: read(visibility, input, runner.arena), silhouette_edges: None })
     }
 }
@@ -136,6 +140,8 @@ struct Search {
     taps: LightSamples,
     /// Greatest reciprocal depth of each square.
     nearest: Addr,
+    /// Receivers of a task.
+    task: u32,
     /// Visible part of the light by pixel.
     visibility: Addr,
 }
@@ -144,7 +150,7 @@ impl Kernel for Search {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
         let Search { map, .. } = self;
-        let (mut i, end) = task_range(v, task, TASK, map.receivers.count);
+        let (mut i, end) = task_range(v, task, self.task, map.receivers.count);
         let lane = v.viota();
         let none = v.vset_i32(0);
         let (zero, one) = (v.vset_f32(0.0), v.vset_f32(1.0));

@@ -13,7 +13,7 @@ use lrbsim_workloads::glam::DVec2;
 
 use super::tree::{LEAF, Node, RayTriangle, Tree};
 use crate::clear;
-use crate::columns::{Columns, lanes_below, task_range};
+use crate::columns::{Columns, lanes_below};
 use crate::expression::{each, int, scalar};
 use crate::field;
 use crate::irregular::primitives::LightConstants;
@@ -21,12 +21,9 @@ use crate::irregular::receivers::{Receiver, Receivers};
 use crate::light::View;
 use crate::plane::{Vec3, dot, sub};
 use crate::record::Record;
-use crate::samples::{rotated, turn_of};
+use crate::samples::{resolve, rotated, turn_of};
 use crate::scene::fill;
 use crate::segment::Vec2;
-
-/// Receivers of a task that resolves.
-const TASK: u32 = 256;
 
 /// Directions that the pattern of rays is turned to, from pixel to pixel.
 const TURNS: u32 = 256;
@@ -138,24 +135,27 @@ pub(super) fn trace(
     runner: &mut Runner<'_>,
 ) -> Result<(), Stopped> {
     let [hidden] = clear::zeroed(runner, [u64::from(receivers.count) + 16])?;
-    // A task is a packet: tens of thousands of uops among as many triangles.
-    let rays_log2 = rays.count.next_power_of_two().trailing_zeros();
-    let kernel = Trace { tree: *tree, receivers, rays, rays_log2, hidden };
-    let tasks = receivers.count.div_ceil(16) << rays_log2;
+    // A task is a packet, tens of thousands of uops among as many triangles, as long as packets can be numbered.
+    let groups = receivers.count.div_ceil(16);
+    let tasks_log2 = tasks_log2(groups, rays.count);
+    let kernel = Trace { tree: *tree, receivers, rays, tasks_log2, hidden };
     // SAFETY: all tasks of a receiver add to its count, in any order.
-    runner.run(&unsafe { Step::independent("trace", tasks, kernel) })?;
-    let kernel = Resolve { receivers, rays: rays.count, hidden, visibility };
-    // SAFETY: each task writes the pixels of its own receivers.
-    runner.run(&unsafe { Step::independent("resolve", receivers.count.div_ceil(TASK), kernel) })
+    runner.run(&unsafe { Step::independent("trace", groups << tasks_log2, kernel) })?;
+    resolve(receivers, rays.count, hidden, visibility, runner)
 }
 
-/// Traces a ray of each of 16 receivers.
+/// Tasks of each of `groups` groups of receivers that have `rays` rays each, by their logarithm.
+fn tasks_log2(groups: u32, rays: u32) -> u32 {
+    rays.next_power_of_two().ilog2().min(groups.leading_zeros().saturating_sub(1))
+}
+
+/// Traces rays of 16 receivers, one of each after the other.
 struct Trace {
     tree: Tree,
     receivers: Receivers,
     rays: Rays,
-    /// Tasks of the same receivers, by their logarithm: no fewer than rays.
-    rays_log2: u32,
+    /// Tasks of the same receivers, by their logarithm: each has every so many-th ray.
+    tasks_log2: u32,
     /// Rays of each receiver that have hit something.
     hidden: Addr,
 }
@@ -180,8 +180,8 @@ impl Kernel for Trace {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
         let Trace { rays, receivers, .. } = self;
-        let i = scalar!(v, (task >> { self.rays_log2 as i32 }) << 4);
-        let ray = scalar!(v, task & { (1 << self.rays_log2) - 1 });
+        let i = scalar!(v, (task >> { self.tasks_log2 as i32 }) << 4);
+        let mut ray = scalar!(v, task & { (1 << self.tasks_log2) - 1 });
         let count = v.s_imm(rays.count as i32);
         if v.branch(Compare::LessEqual, count, ray) {
             return;
@@ -195,24 +195,33 @@ impl Kernel for Trace {
             v.vload_f32_or(one, live, columns.column(field!(Receiver.position[axis])), i)
         });
         let own = v.vload_i32_or(none, live, columns.column(field!(Receiver.triangle)), i);
-        let target = if rays.light.is_soft() {
-            let per_radius = v.vset_f32(1.0 / rays.light.radius);
-            let view = View::new(v, &rays.light.shape, origin, per_radius);
-            let random = self.random(v, live, i);
-            let place = rays.place(v, ray, &random);
-            view.point(v, place, rays.light.radius)
-        } else {
-            let middle = v.vset_f32(0.0);
-            [middle; 3]
-        };
-        let packet = packet(v, origin, target, own);
-        let hits = self.hits(v, live, &packet);
-        if v.branch_any(hits) {
-            let one = v.vset_i32(1);
-            let lane = v.viota();
-            let receiver = v.vsplat(i);
-            let receiver = int!(v, receiver + lane);
-            v.vatomic_add_or(none, hits, self.hidden, receiver, one);
+        loop {
+            let target = if rays.light.is_soft() {
+                let per_radius = v.vset_f32(1.0 / rays.light.radius);
+                let view = View::new(v, &rays.light.shape, origin, per_radius);
+                let random = self.random(v, live, i);
+                let place = rays.place(v, ray, &random);
+                view.point(v, place, rays.light.radius)
+            } else {
+                let middle = v.vset_f32(0.0);
+                [middle; 3]
+            };
+            let packet = packet(v, origin, target, own);
+            let hits = self.hits(v, live, &packet);
+            if v.branch_any(hits) {
+                let one = v.vset_i32(1);
+                let lane = v.viota();
+                let receiver = v.vsplat(i);
+                let receiver = int!(v, receiver + lane);
+                v.vatomic_add_or(none, hits, self.hidden, receiver, one);
+            }
+            if rays.count <= 1 << self.tasks_log2 {
+                break;
+            }
+            ray = scalar!(v, ray + { 1 << self.tasks_log2 });
+            if v.branch(Compare::LessEqual, count, ray) {
+                break;
+            }
         }
     }
 }
@@ -366,30 +375,18 @@ fn cross<V: Vpu>(v: &mut V, a: Vec3<V>, b: Vec3<V>) -> Vec3<V> {
     })
 }
 
-/// Turns counts into visible parts of the light.
-struct Resolve {
-    receivers: Receivers,
-    /// Rays of a receiver.
-    rays: u32,
-    hidden: Addr,
-    visibility: Addr,
-}
+#[cfg(test)]
+mod tests {
+    use super::tasks_log2;
 
-impl Kernel for Resolve {
-    #[inline(always)]
-    fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
-        let (mut i, end) = task_range(v, task, TASK, self.receivers.count);
-        let rays = v.vset_f32(self.rays as f32);
-        let one = v.vset_f32(1.0);
-        while v.branch(Compare::Less, i, end) {
-            let live = lanes_below(v, i, end);
-            let hidden = v.vload_i32(self.hidden, i);
-            let hidden = v.vcvt_i32_f32(hidden);
-            let hidden = math::div(v, hidden, rays);
-            let visible = v.vsub(one, hidden);
-            let pixel = v.vload_i32(self.receivers.columns.column(field!(Receiver.pixel)), i);
-            v.vscatter_f32(live, self.visibility, pixel, visible);
-            i = scalar!(v, i + 16);
+    #[test]
+    fn tasks_have_numbers_however_many_rays_there_are() {
+        assert_eq!([tasks_log2(4800, 1), tasks_log2(4800, 16), tasks_log2(4800, 17)], [0, 4, 5]);
+        for groups in [0, 1, 2, 4_194_304, 1 << 28, u32::MAX >> 1] {
+            for rays in [1, 3, 256, 1024] {
+                let tasks = u64::from(groups) << tasks_log2(groups, rays);
+                assert!(tasks <= u64::from(u32::MAX) >> 1, "{groups} {rays}: {tasks}");
+            }
         }
     }
 }

@@ -24,8 +24,11 @@ pub struct ShadowMap;
 
 const LOOK: Phase = Phase { id: "look", title: "shadow map lookup", in_paper_total: false };
 
-/// Receivers of a task.
-const TASK: u32 = 256;
+/// Texels that a task looks at for each of 16 receivers that it handles together.
+const TASK_TEXELS: u32 = 1024;
+
+/// Receivers of a task at most.
+const TASK_MAX: u32 = 256;
 
 impl Method for ShadowMap {
     fn entry(&self) -> Entry {
@@ -61,9 +64,10 @@ impl Method for ShadowMap {
         let map = DepthMap::draw(input, size(options), filter.div_ceil(2), runner)?;
 
         runner.phase(&LOOK);
-        let kernel = Look { map, bias: bias(options), filter, visibility };
+        let task = (16 * (TASK_TEXELS / (filter * filter))).clamp(16, TASK_MAX);
+        let kernel = Look { map, bias: bias(options), filter, task, visibility };
         // SAFETY: each task writes the pixels of its own receivers.
-        runner.run(&unsafe { Step::independent("look", map.receivers.count.div_ceil(TASK), kernel) })?;
+        runner.run(&unsafe { Step::independent("look", map.receivers.count.div_ceil(task), kernel) })?;
         Ok(Shadows { visibility: read(visibility, input, runner.arena), silhouette_edges: None })
     }
 }
@@ -74,6 +78,8 @@ struct Look {
     bias: Bias,
     /// Texels of a side of the square that is looked at.
     filter: u32,
+    /// Receivers of a task.
+    task: u32,
     /// Visible part of the light by pixel.
     visibility: Addr,
 }
@@ -82,7 +88,7 @@ impl Kernel for Look {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
         let Look { map, filter, .. } = self;
-        let (mut i, end) = task_range(v, task, TASK, map.receivers.count);
+        let (mut i, end) = task_range(v, task, self.task, map.receivers.count);
         let one = v.vset_i32(1);
         let filter = *filter as i32;
         let texels = v.vset_f32((filter * filter) as f32);

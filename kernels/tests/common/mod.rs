@@ -371,7 +371,7 @@ pub fn input_of_prepared(mesh: Mesh, light: Light, receivers: &[(DVec3, u32)]) -
     // Only mesh and light of the scene are looked at.
     let scene = Scene { mesh, light, ..load_scene("tiny", Path::new(".")).expect("tiny is shipped") };
     let count = receivers.len() as u32;
-    let width = count.min(64);
+    let width = count.clamp(1, 64);
     let eye = EyeView {
         width,
         height: count.div_ceil(width),
@@ -481,6 +481,45 @@ pub fn random_scene(seed: u64, receivers: usize) -> (Mesh, Vec<(DVec3, u32)>) {
         .filter(|(p, _)| p.length() > 1e-3)
         .collect();
     (mesh, points)
+}
+
+/// Whether a ray from a receiver to `target`, light-centred, hits a triangle, in f64; `None` where it passes a border too closely to
+/// tell. Triangles that the light is cut by are as any others.
+pub fn ray_hits(input: &ShadowInput, receiver: usize, target: DVec3) -> Option<bool> {
+    let p = DVec3::from(input.receivers[receiver].map(f64::from));
+    let own = input.receiver_triangle[receiver];
+    let mut triangles = input.triangles.clone();
+    for cut in &input.cut {
+        triangles[cut.number as usize] = cut.corners;
+    }
+    let mut doubtful = false;
+    for (number, triangle) in triangles.iter().enumerate() {
+        let [a, b, c] = triangle.map(|v| DVec3::from(input.vertices[v as usize].map(f64::from)));
+        let normal = (b - a).cross(c - a);
+        if number as u32 == own || normal == DVec3::ZERO {
+            continue;
+        }
+        let t = (a - p).dot(normal) / (target - p).dot(normal);
+        let at = p + (target - p) * t;
+        let inside = [(a, b), (b, c), (c, a)]
+            .map(|(s, e)| (e - s).cross(at - s).dot(normal) / normal.length_squared());
+        let least = inside.into_iter().fold(f64::INFINITY, f64::min);
+        if least.abs() < 1e-4 && (-0.1..1.1).contains(&t)
+            || t.abs() < 1e-4 && least > -0.1
+            || (t - 1.0).abs() < 1e-4
+        {
+            doubtful = true;
+        } else if least > 0.0 && (0.0..1.0).contains(&t) {
+            return Some(true);
+        }
+    }
+    (!doubtful).then_some(false)
+}
+
+/// `scene` under a point in the middle of its light.
+pub fn under_a_point(scene: &Scene, eye: &EyeView) -> ShadowInput {
+    let scene = Scene { light: Light::Point { center: scene.light.center() }, ..scene.clone() };
+    ShadowInput::new(&scene, &Adjacency::new(&scene.mesh), eye)
 }
 
 /// The samples of the light at a pixel: turned as the kernel turns them.
