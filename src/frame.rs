@@ -102,7 +102,7 @@ pub fn run_frame(request: &RunRequest, progress: &dyn Progress) -> Result<RunOut
 
     // What the eye sees: on the host, untimed, as in the paper.
     progress.part("eye view");
-    let (eye, input, warnings) = on_host_threads(host.threads, || {
+    let (eye, input, mut warnings) = on_host_threads(host.threads, || {
         let eye = EyeView::render(&scene.mesh, &scene.camera, scene.image.width, scene.image.height);
         let adjacency = Adjacency::new(&scene.mesh);
         let input = ShadowInput::of_lights(scene, request.algorithm.lights(), &adjacency, &eye);
@@ -121,6 +121,8 @@ pub fn run_frame(request: &RunRequest, progress: &dyn Progress) -> Result<RunOut
     let simulation_seconds = simulation.elapsed().as_secs_f64();
 
     // What came out.
+    let of_method = |message: &String| Warning { kind: WarningKind::MethodLimit, message: message.clone() };
+    warnings.extend(simulated.warnings.iter().map(of_method));
     let visibility = &simulated.shadows.visibility;
     let wrong = visibility.iter().find(|visible| !(0.0..=1.0).contains(*visible));
     assert!(wrong.is_none(), "`{}` leaves a visibility of {wrong:?}", request.algorithm);
@@ -176,6 +178,8 @@ pub(crate) fn on_host_threads<T: Send>(
 struct Simulated {
     phases: Vec<PhaseCosts>,
     shadows: Shadows,
+    /// What the method has against its own result.
+    warnings: Vec<String>,
 }
 
 /// Runs the program of a frame in an arena of its own.
@@ -212,9 +216,11 @@ fn simulate(
         }
         Ok(())
     };
-    let shadows = algorithm.run(input, &mut Runner::new(&mut arena, &mut run_step));
+    let mut runner = Runner::new(&mut arena, &mut run_step);
+    let shadows = algorithm.run(input, &mut runner);
+    let warnings = runner.warnings;
     match (shadows, refusal) {
-        (Ok(shadows), None) => Ok(Simulated { phases, shadows }),
+        (Ok(shadows), None) => Ok(Simulated { phases, shadows, warnings }),
         (_, Some(refusal)) => Err(refusal),
         (Err(stopped), None) => Err(BadInput::new(stopped.to_string())),
     }

@@ -16,7 +16,7 @@ pub struct Lists {
     /// Lengths of the lists while they are counted, then the first item of each; one more than there are lists.
     pub starts: Addr,
     /// Number of lists.
-    count: u32,
+    pub count: u32,
     /// The prefix sum of their lengths.
     scan: Scan,
     /// Tables of the tasks: number of items so far, for each list that a task can add to.

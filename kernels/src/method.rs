@@ -57,12 +57,13 @@ pub(crate) fn read(visibility: Addr, input: &ShadowInput, arena: &Arena) -> Vec<
 }
 
 /// All methods; the first is the one that runs where users name none.
-pub static METHODS: [&dyn Method; 7] = [
+pub static METHODS: [&dyn Method; 8] = [
     &crate::sism::Sism,
     &crate::sism::Hard,
     &crate::shadow_map::ShadowMap,
     &crate::pcss::Pcss,
     &crate::penumbra_map::PenumbraMap,
+    &crate::micro_patches::MicroPatches,
     &crate::raytrace::Raytrace,
     &crate::sintorn::Sintorn,
 ];

@@ -62,6 +62,8 @@ pub enum WarningKind {
     LightInGeometry,
     /// The model has lines that were not understood.
     LinesLeftOut,
+    /// The method is past a limit of its own.
+    MethodLimit,
 }
 
 /// What determined the numbers of a report.

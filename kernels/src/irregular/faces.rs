@@ -160,7 +160,7 @@ impl Kernel for Grids {
         });
 
         // Cells about square, on average with the wished number of receivers; bins whole.
-        let extent = each!(axis in [0, 1] => extent(v, low[axis], high[axis]));
+        let extent = each!(axis in [0, 1] => extent(v, low[axis], high[axis], WIDER));
         let per_bin = v.vset_f32(1.0 / (CELL_RECEIVERS * BIN_CELLS) as f32);
         let wished = v.vcvt_i32_f32(count);
         let wished = v.vmul(wished, per_bin);
@@ -244,10 +244,13 @@ impl Grids {
     }
 }
 
-/// Width of grids over `low..high`: a little more, so that rounding puts no receiver outside.
+/// How much wider than their receivers grids are, so that rounding puts none of them outside.
+pub(crate) const WIDER: f32 = 1.001;
+
+/// Width of grids over `low..high`, `wider` times as much.
 #[inline(always)]
-pub(crate) fn extent<V: Vpu>(v: &mut V, low: V::F32, high: V::F32) -> V::F32 {
-    let wider = v.vset_f32(1.001);
+pub(crate) fn extent<V: Vpu>(v: &mut V, low: V::F32, high: V::F32, wider: f32) -> V::F32 {
+    let wider = v.vset_f32(wider);
     let least = v.vset_f32(1e-6);
     let size = v.vsub(high, low);
     let size = v.vmul(size, wider);

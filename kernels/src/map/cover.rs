@@ -2,7 +2,7 @@
 
 #![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
 
-use lrbsim_isa::{Compare, Kernel, Runner, Step, Stopped, Vpu};
+use lrbsim_isa::{Addr, Compare, Kernel, Runner, Step, Stopped, Vpu};
 
 use super::layout::{Layout, MapSlot};
 use super::tiles::Boxes;
@@ -23,16 +23,26 @@ const TASK: u32 = 256;
 /// are cut there to find the texels that they may cover.
 pub const NEAR: f32 = 1e-4;
 
+/// Which triangles a map shows.
+#[derive(Clone, Copy)]
+pub(crate) enum Shown {
+    /// Those that are layers of something: of closed bodies the faces towards the light.
+    Layers,
+    /// Those whose word at this address has one of these bits.
+    Marked(Addr, i32),
+}
+
 /// Finds the texels that triangles may cover. `largest`: the largest coordinate of all vertices.
-pub(super) fn triangles(
+pub(crate) fn triangles(
     scene: &Scene,
     triangles: Records<TriangleRecord>,
+    shown: Shown,
     layout: &Layout,
     largest: f32,
     runner: &mut Runner<'_>,
 ) -> Result<Boxes, Stopped> {
     let boxes = Boxes::new(runner.arena, layout, scene.triangle_count);
-    let kernel = Cover { scene: *scene, triangles, layout: *layout, near: NEAR * largest, boxes };
+    let kernel = Cover { scene: *scene, triangles, shown, layout: *layout, near: NEAR * largest, boxes };
     // SAFETY: each task writes the boxes of its own triangles.
     runner
         .run(&unsafe { Step::independent("triangle boxes", scene.triangle_count.div_ceil(TASK), kernel) })?;
@@ -43,6 +53,7 @@ pub(super) fn triangles(
 struct Cover {
     scene: Scene,
     triangles: Records<TriangleRecord>,
+    shown: Shown,
     layout: Layout,
     near: f32,
     boxes: Boxes,
@@ -56,7 +67,10 @@ impl Kernel for Cover {
         let lane = v.viota();
         let none = v.vset_i32(0);
         let record_words = v.vset_i32(words::<TriangleRecord>() as i32);
-        let layer = v.vset_i32(FRONT | BACK);
+        let bits = v.vset_i32(match self.shown {
+            Shown::Layers => FRONT | BACK,
+            Shown::Marked(_, bits) => bits,
+        });
         let slots = v.s_imm(layout.slot_count as i32);
         while v.branch(Compare::Less, i, end) {
             let live = lanes_below(v, i, end);
@@ -64,12 +78,16 @@ impl Kernel for Cover {
                 each!(k in [0, 1, 2] => v.vload_i32(scene.triangles.column(field!(Triangle.corners[k])), i));
             let corners = each!(k in [0, 1, 2] => scene.positions(v, live, corners[k]));
             // Triangles that are layers of nothing cast no shadow.
-            let first = v.vsplat(i);
-            let at = int!(v, (first + lane) * record_words);
-            let flags =
-                v.vgather_i32_or(none, live, self.triangles.field(field!(TriangleRecord.flags[0])), at);
-            let layers = int!(v, flags & layer);
-            let counted = v.vicmp_neq_masked(live, layers, none);
+            let words = match self.shown {
+                Shown::Layers => {
+                    let first = v.vsplat(i);
+                    let at = int!(v, (first + lane) * record_words);
+                    v.vgather_i32_or(none, live, self.triangles.field(field!(TriangleRecord.flags[0])), at)
+                }
+                Shown::Marked(marks, _) => v.vload_i32(marks, i),
+            };
+            let shown = int!(v, words & bits);
+            let counted = v.vicmp_neq_masked(live, shown, none);
             let mut slot = v.s_imm(0);
             while v.branch(Compare::Less, slot, slots) {
                 let face = v.s_load(layout.slots.column(field!(MapSlot.face)), slot);

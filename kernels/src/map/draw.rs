@@ -13,16 +13,26 @@ use crate::field;
 use crate::irregular::primitives::TriangleRecord;
 use crate::record::{Records, words};
 
-/// Draws all texels: the texels, and the greatest reciprocal depth of each tile.
-pub(super) fn draw(
+/// Which of the triangles on a texel stays.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Stays {
+    /// The one that is nearest to the light.
+    Nearest,
+    /// The one that is farthest from it.
+    Farthest,
+}
+
+/// Draws all texels: the texels, and the greatest reciprocal depth of anything on each tile.
+pub(crate) fn draw(
     layout: &Layout,
     triangles: Records<TriangleRecord>,
     tiles: &Tiles,
+    stays: Stays,
     runner: &mut Runner<'_>,
 ) -> Result<(Addr, Addr), Stopped> {
     let texels = runner.arena.overwritten(layout.texel_count());
     let nearest = runner.arena.overwritten(u64::from(layout.tile_count()) + 16);
-    let kernel = Draw { layout: *layout, triangles, tiles: *tiles, texels, nearest };
+    let kernel = Draw { layout: *layout, triangles, tiles: *tiles, stays, texels, nearest };
     // SAFETY: each task writes the texels of its own tile, and its word.
     runner.run(&unsafe { Step::independent("draw tiles", layout.tile_count(), kernel) })?;
     Ok((texels, nearest))
@@ -33,6 +43,7 @@ struct Draw {
     layout: Layout,
     triangles: Records<TriangleRecord>,
     tiles: Tiles,
+    stays: Stays,
     texels: Addr,
     nearest: Addr,
 }
@@ -144,7 +155,14 @@ impl Draw {
                 if v.branch_any(inside) {
                     let depth = v.vmadd(depths[1], place_y, depth_at_x);
                     let before = v.vload_f32(*texels, to);
-                    let after = v.vmax(before, depth);
+                    let after = match self.stays {
+                        Stays::Nearest => v.vmax(before, depth),
+                        Stays::Farthest => {
+                            let nothing = v.vset_f32(0.0);
+                            let holds = v.vcmp_neq(before, nothing);
+                            v.vmin_or(depth, holds, before, depth)
+                        }
+                    };
                     v.vstore_f32(inside, *texels, to, after);
                     nearest = v.vmax_or(nearest, inside, nearest, depth);
                 }

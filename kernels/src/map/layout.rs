@@ -7,7 +7,7 @@ use crate::expression::int;
 use crate::field;
 use crate::irregular::FACES;
 use crate::irregular::bounds::{self, FaceBounds};
-use crate::irregular::faces::extent;
+use crate::irregular::faces::{WIDER, extent};
 use crate::irregular::receivers::Receivers;
 use crate::record::{Field, Records, words};
 use crate::scan;
@@ -17,6 +17,9 @@ const TILES: u32 = 32;
 
 /// Texels of a side of a tile at least: as many as a vector has lanes.
 const TILE_MIN: u32 = 16;
+
+/// All faces, a bit each.
+const ALL_FACES: i32 = (1 << FACES) - 1;
 
 /// What f32 makes of a place on the image plane, as a part of its distance from the axis: eight roundings.
 const ROUNDED: f32 = 1.0 / (1 << 21) as f32;
@@ -54,10 +57,29 @@ pub struct Layout {
     pub slots: Columns<MapSlot>,
     /// Number of squares: of faces that see receivers.
     pub slot_count: u32,
-    /// Texels of a side, a power of two.
+    /// Texels of a side for which there is room, a power of two.
     pub size: u32,
+    /// Texels of a side that are used; those beyond hold nothing.
+    pub used: u32,
     /// Texels of a side of a tile, by their logarithm.
     pub tile_log2: u32,
+}
+
+/// How squares lie about the bounds of receivers.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Fit {
+    /// Texels of a side.
+    pub size: u32,
+    /// How many texels reach across the bounds, which need not be a whole number of them.
+    pub inside: f32,
+    /// How many texels lie outside of the bounds on every side.
+    pub margin: f32,
+    /// How much wider than the receivers the bounds are.
+    pub wider: f32,
+    /// The faces that may have a square, a bit each.
+    pub faces: i32,
+    /// Tiles of a side at most.
+    pub tiles: u32,
 }
 
 impl Layout {
@@ -69,15 +91,42 @@ impl Layout {
         runner: &mut Runner<'_>,
     ) -> Result<Layout, Stopped> {
         let bounds = bounds::find(receivers, runner)?;
+        let inside = (size - 2 * margin) as f32;
+        let margin = margin as f32;
+        Layout::fit(
+            bounds,
+            Fit { size, inside, margin, wider: WIDER, faces: ALL_FACES, tiles: TILES },
+            runner,
+        )
+    }
+
+    /// Lays out squares about these bounds.
+    pub(crate) fn fit(
+        bounds: Records<FaceBounds>,
+        fit: Fit,
+        runner: &mut Runner<'_>,
+    ) -> Result<Layout, Stopped> {
         let faces = Columns::with_stride(runner.arena, 16);
         let slots = Columns::with_stride(runner.arena, 16);
         let count = runner.arena.overwritten(16);
-        let inside = (size - 2 * margin) as f32;
-        let kernel = Squares { bounds, inside, margin: margin as f32, faces, slots, count };
+        let kernel = Squares { bounds, fit, faces, slots, count };
         runner.run(&Step::ordered("map layout", 1, kernel))?;
         let slot_count = runner.arena.read_u32(count);
-        let tile_log2 = (size / TILES).max(TILE_MIN).trailing_zeros();
-        Ok(Layout { faces, slots, slot_count, size, tile_log2 })
+        let size = fit.size.next_power_of_two().max(TILE_MIN);
+        let tile_log2 = (size / fit.tiles).max(TILE_MIN).trailing_zeros();
+        Ok(Layout { faces, slots, slot_count, size, used: fit.size, tile_log2 })
+    }
+
+    /// The word of texels `[x, y]` of the squares `slot`: tile by tile, in a tile row by row.
+    #[inline(always)]
+    pub fn word<V: Vpu>(&self, v: &mut V, slot: V::I32, [x, y]: [V::I32; 2]) -> V::I32 {
+        let tile_log2 = v.vset_i32(self.tile_log2 as i32);
+        let tiles_log2 = v.vset_i32(self.tiles_log2() as i32);
+        let in_tile = v.vset_i32((1 << self.tile_log2) - 1);
+        let tile_y = int!(v, (slot << tiles_log2) + (y >> tile_log2));
+        let tile = int!(v, (tile_y << tiles_log2) + (x >> tile_log2));
+        let row = int!(v, (tile << tile_log2) + (y & in_tile));
+        int!(v, (row << tile_log2) + (x & in_tile))
     }
 
     /// Tiles of a side, by their logarithm.
@@ -100,9 +149,7 @@ impl Layout {
 /// Lays out the squares, a lane a face.
 struct Squares {
     bounds: Records<FaceBounds>,
-    /// Texels of a side within the margins.
-    inside: f32,
-    margin: f32,
+    fit: Fit,
     faces: Columns<MapFace>,
     slots: Columns<MapSlot>,
     /// Where the number of squares goes.
@@ -117,21 +164,26 @@ impl Kernel for Squares {
         let none = v.vset_i32(0);
         let one = v.vset_i32(1);
         let (zero, half) = (v.vset_f32(0.0), v.vset_f32(0.5));
-        let faces = v.s_imm((1 << FACES) - 1);
+        let faces = v.s_imm(ALL_FACES);
         let faces = v.kmov_from_scalar(faces);
         let at = int!(v, lane * line);
         let count = v.vgather_i32_or(none, faces, self.bounds.field(field!(FaceBounds.count)), at);
-        let seen = v.vicmp_gt_masked(faces, count, none);
+        let mut seen = v.vicmp_gt_masked(faces, count, none);
+        if self.fit.faces != ALL_FACES {
+            let wanted = v.s_imm(self.fit.faces);
+            let wanted = v.kmov_from_scalar(wanted);
+            seen = v.kand(seen, wanted);
+        }
 
-        let inside = v.vset_f32(self.inside);
-        let margin = v.vset_f32(self.margin);
+        let inside = v.vset_f32(self.fit.inside);
+        let margin = v.vset_f32(self.fit.margin);
         for axis in 0..2 {
             let mut bound = |number: usize| {
                 v.vgather_f32_or(zero, seen, self.bounds.field(field!(FaceBounds.least[number])), at)
             };
             let (low, minus_high) = (bound(2 * axis), bound(2 * axis + 1));
             let high = v.vsub(zero, minus_high);
-            let extent = extent(v, low, high);
+            let extent = extent(v, low, high, self.fit.wider);
             let per_unit = math::div(v, inside, extent);
             let unit = math::div(v, extent, inside);
             let middle = v.vadd(low, high);

@@ -30,6 +30,8 @@ use crate::irregular::receivers::Receivers;
 use crate::irregular::triangles;
 use crate::record::Records;
 use crate::scene::Scene;
+use cover::Shown;
+use draw::Stays;
 use layout::Layout;
 use tiles::Tiles;
 
@@ -86,11 +88,11 @@ impl DepthMap {
         runner: &mut Runner<'_>,
     ) -> Result<DepthMap, Stopped> {
         runner.phase(&TILES);
-        let boxes = cover::triangles(scene, triangles, &layout, largest, runner)?;
+        let boxes = cover::triangles(scene, triangles, Shown::Layers, &layout, largest, runner)?;
         let tiles = Tiles::sort(boxes, &layout, ["tile counts", "tile lists"], runner)?;
 
         runner.phase(&DRAW);
-        let (texels, nearest) = draw::draw(&layout, triangles, &tiles, runner)?;
+        let (texels, nearest) = draw::draw(&layout, triangles, &tiles, Stays::Nearest, runner)?;
         let triangle_count = scene.triangle_count;
         Ok(DepthMap { layout, texels, nearest, triangles, triangle_count, receivers })
     }

@@ -14,7 +14,7 @@ use crate::field;
 use crate::lists::Lists;
 use crate::segment::Vec2;
 
-/// Number of things that a task handles.
+/// Number of things that a task handles, unless a method says otherwise.
 const TASK: u32 = 256;
 
 /// Lists that are looked at together, those of 16 tiles of a row.
@@ -35,8 +35,10 @@ pub struct Tiles {
     layout: Layout,
     /// Lists of the tiles: whole groups of 16 for each row of tiles of each square.
     lists: Lists,
-    /// The numbers of things in these lists.
+    /// The numbers of things in these lists, each in ascending order.
     items: Addr,
+    /// Number of items of all lists.
+    pub item_count: u32,
     /// Texels that each thing may cover.
     boxes: Boxes,
 }
@@ -49,6 +51,8 @@ pub struct Boxes {
     stride: u32,
     /// Number of things.
     count: u32,
+    /// Number of things that a task sorts.
+    task: u32,
 }
 
 impl Boxes {
@@ -56,7 +60,12 @@ impl Boxes {
     pub fn new(arena: &mut Arena, layout: &Layout, count: u32) -> Boxes {
         let stride = count + 16;
         let words = arena.overwritten(u64::from(2 * stride) * u64::from(layout.slot_count));
-        Boxes { words, stride, count }
+        Boxes { words, stride, count, task: TASK }
+    }
+
+    /// These boxes, sorted `task` at a time: fewer where each thing covers many tiles.
+    pub(crate) fn in_tasks_of(self, task: u32) -> Boxes {
+        Boxes { task, ..self }
     }
 
     /// The word of thing `number` on the square `slot` along `axis`.
@@ -79,7 +88,7 @@ impl Boxes {
         [low, high]: [Vec2<V>; 2],
     ) {
         let (zero, one) = (v.vset_f32(0.0), v.vset_f32(1.0));
-        let last = v.vset_f32((layout.size - 1) as f32);
+        let last = v.vset_f32((layout.used - 1) as f32);
         let mut covers = covers;
         let ranges = each!(axis in [0, 1] => {
             let origin = v.vbroadcast_f32(layout.faces.column(field!(MapFace.origin[axis])), face);
@@ -126,17 +135,17 @@ impl Tiles {
         names: Names,
         runner: &mut Runner<'_>,
     ) -> Result<Tiles, Stopped> {
-        let tasks = boxes.count.div_ceil(TASK);
+        let tasks = boxes.count.div_ceil(boxes.task);
         let list_count = (layout.slot_count * groups(layout) * GROUP) << layout.tiles_log2();
         let [starts] = clear::zeroed(runner, [Lists::start_words(list_count)])?;
         let lists = Lists::new(runner.arena, starts, list_count, tasks, list_count);
         let sort = |items| Sort { lists, items, boxes, layout: *layout };
         runner.run(&Step::ordered(names[0], tasks, sort(None)))?;
-        let items = lists.sum(runner)?;
-        let items = runner.arena.overwritten(u64::from(items));
+        let item_count = lists.sum(runner)?;
+        let items = runner.arena.overwritten(u64::from(item_count));
         // SAFETY: each task writes its own table, and items to places that it has taken in the step before.
         runner.run(&unsafe { Step::independent(names[1], tasks, sort(Some(items))) })?;
-        Ok(Tiles { layout: *layout, lists, items, boxes })
+        Ok(Tiles { layout: *layout, lists, items, item_count, boxes })
     }
 
     /// First item of a tile, and one past the last.
@@ -146,6 +155,25 @@ impl Tiles {
         let column = tile.place[0];
         let list = scalar!(v, list + column);
         each!(after in [0, 1] => v.s_load(self.lists.starts.plus_words(after), list))
+    }
+
+    /// Where the items of all lists begin, by list.
+    pub(crate) fn starts(&self) -> Addr {
+        self.lists.starts
+    }
+
+    /// Number of lists: one for each tile, and empty ones that fill groups.
+    pub(crate) fn list_count(&self) -> u32 {
+        self.lists.count
+    }
+
+    /// Number of the tile whose list is `list`, one that has items.
+    #[inline(always)]
+    pub(crate) fn tile_of<V: Vpu>(&self, v: &mut V, list: V::S32) -> V::S32 {
+        let in_row = (groups(&self.layout) * GROUP) as i32;
+        let row = scalar!(v, list >> { in_row.trailing_zeros() as i32 });
+        let column = scalar!(v, list & { in_row - 1 });
+        scalar!(v, (row << { self.layout.tiles_log2() as i32 }) + column)
     }
 
     /// The thing that an item stands for.
@@ -211,6 +239,20 @@ impl<V: Vpu> Tile<V> {
         }
     }
 
+    /// Number of the texel at (x, y), which are counted from the tile's first, among those of its square, row by row.
+    #[inline(always)]
+    pub(crate) fn number_of(&self, v: &mut V, layout: &Layout, x: V::S32, y: V::S32) -> V::S32 {
+        let [first_x, first_y] = self.first;
+        scalar!(v, ((first_y + y) << { layout.size.trailing_zeros() as i32 }) + (first_x + x))
+    }
+
+    /// Where `texels` begin on the image plane along `axis`; the next one begins where one ends, to the last bit.
+    #[inline(always)]
+    pub(crate) fn edge(&self, v: &mut V, axis: usize, texels: V::I32) -> V::F32 {
+        let texels = v.vcvt_i32_f32(texels);
+        self.place(v, axis, texels)
+    }
+
     /// Numbers along the first axis of the 16 texels from `x` on, which is counted from the tile's first.
     #[inline(always)]
     pub fn columns(&self, v: &mut V, x: V::S32) -> V::I32 {
@@ -233,6 +275,12 @@ impl<V: Vpu> Tile<V> {
     #[inline(always)]
     pub fn middle(&self, v: &mut V, axis: usize, texels: V::I32) -> V::F32 {
         middle(v, texels, self.unit[axis], self.origin[axis])
+    }
+
+    /// The place on the image plane along `axis` that lies `texels` from where texel 0 of the square begins.
+    #[inline(always)]
+    pub(crate) fn place(&self, v: &mut V, axis: usize, texels: V::F32) -> V::F32 {
+        v.vmadd(texels, self.unit[axis], self.origin[axis])
     }
 
     /// The word of the texel at (x, y), which are counted from the tile's first.
@@ -272,7 +320,7 @@ impl Kernel for Sort {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
         let Sort { lists, items, boxes, layout } = self;
-        let (first, end) = task_range(v, task, TASK, boxes.count);
+        let (first, end) = task_range(v, task, boxes.task, boxes.count);
         let table = lists.table(v, task);
         if items.is_none() {
             lists.clear_table(v, table);

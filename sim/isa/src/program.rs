@@ -103,6 +103,8 @@ pub type RunStep<'a> = dyn FnMut(&'static Phase, &Step, &mut Arena) -> Result<()
 pub struct Runner<'a> {
     /// The arena that the steps run on. Between steps the program reads totals there, and makes arrays.
     pub arena: &'a mut Arena,
+    /// What the program has found that makes its result suspicious: sentences for users that say what would be right.
+    pub warnings: Vec<String>,
     /// The phase that steps belong to.
     phase: Option<&'static Phase>,
     run_step: &'a mut RunStep<'a>,
@@ -111,7 +113,7 @@ pub struct Runner<'a> {
 impl<'a> Runner<'a> {
     /// A runner that has `run_step` run every step of a program on `arena`.
     pub fn new(arena: &'a mut Arena, run_step: &'a mut RunStep<'a>) -> Runner<'a> {
-        Runner { arena, phase: None, run_step }
+        Runner { arena, warnings: Vec::new(), phase: None, run_step }
     }
 
     /// Begins `phase`: the steps from here on belong to its row.
