@@ -6,6 +6,7 @@
 //! shadow_map/  depth map of the light and percentage-closer filtering (Williams 1978, Reeves 1987)
 //! pcss/        percentage-closer soft shadows (Fernando 2005)
 //! penumbra_map/ penumbra maps (Wyman and Hansen 2003)
+//! heidrich/    soft shadow maps for linear lights (Heidrich et al. 2000)
 //! raytrace/    distribution ray tracing (Cook et al. 1984)
 //! irregular/   what methods with an irregular shadow map share: grid, bin, raster
 //! map/         what methods with a regular shadow map share: layout, tiles, draw, look
@@ -37,4 +38,5 @@ pub mod sism;
 pub mod shadow_map;
 pub mod pcss;
 pub mod penumbra_map;
+pub mod heidrich;
 pub mod raytrace;

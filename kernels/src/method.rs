@@ -57,11 +57,12 @@ pub(crate) fn read(visibility: Addr, input: &ShadowInput, arena: &Arena) -> Vec<
 }
 
 /// All methods; the first is the one that runs where users name none.
-pub static METHODS: [&dyn Method; 6] = [
+pub static METHODS: [&dyn Method; 7] = [
     &crate::sism::Sism,
     &crate::sism::Hard,
     &crate::shadow_map::ShadowMap,
     &crate::pcss::Pcss,
     &crate::penumbra_map::PenumbraMap,
+    &crate::heidrich::Heidrich,
     &crate::raytrace::Raytrace,
 ];

@@ -81,6 +81,18 @@ impl Layout {
         self.size.trailing_zeros() - self.tile_log2
     }
 
+    /// The words of 16 texels of the squares `slot`: tile by tile, in a tile row by row.
+    #[inline(always)]
+    pub fn word<V: Vpu>(&self, v: &mut V, slot: V::I32, [x, y]: [V::I32; 2]) -> V::I32 {
+        let tile_log2 = v.vset_i32(self.tile_log2 as i32);
+        let tiles_log2 = v.vset_i32(self.tiles_log2() as i32);
+        let in_tile = v.vset_i32((1 << self.tile_log2) - 1);
+        let tile_y = int!(v, (slot << tiles_log2) + (y >> tile_log2));
+        let tile = int!(v, (tile_y << tiles_log2) + (x >> tile_log2));
+        let row = int!(v, (tile << tile_log2) + (y & in_tile));
+        int!(v, (row << tile_log2) + (x & in_tile))
+    }
+
     /// Number of tiles of all squares.
     pub fn tile_count(&self) -> u32 {
         self.slot_count << (2 * self.tiles_log2())

@@ -55,7 +55,7 @@ impl DepthMap {
         let receivers: Columns<Receiver> = self.receivers.columns;
         let constants = Constants::new(v);
         let (zero, one) = (constants.zero, constants.one);
-        let p = load_positions(v, &constants, receivers, live, i);
+        let p = load_positions(v, &constants, &self.receivers, live, i);
         let (face, x, y, depth) = project(v, &constants, p);
         let depth = v.vrcp(depth);
         let faces = self.layout.faces;
@@ -119,15 +119,7 @@ impl DepthMap {
             let low = v.vimax(texel[axis], first);
             v.vimin(low, last)
         });
-        // Tile by tile, in a tile row by row.
-        let tile_log2 = v.vset_i32(layout.tile_log2 as i32);
-        let tiles_log2 = v.vset_i32(layout.tiles_log2() as i32);
-        let in_tile = v.vset_i32((1 << layout.tile_log2) - 1);
-        let (slot, [x, y]) = (places.slot, texel);
-        let tile_y = int!(v, (slot << tiles_log2) + (y >> tile_log2));
-        let tile = int!(v, (tile_y << tiles_log2) + (x >> tile_log2));
-        let row = int!(v, (tile << tile_log2) + (y & in_tile));
-        (texel, int!(v, (row << tile_log2) + (x & in_tile)))
+        (texel, layout.word(v, places.slot, texel))
     }
 
     /// Reciprocal depths of texels, and which of them hide the receivers of `live` from the middle of the light. A texel beyond

@@ -242,7 +242,7 @@ impl<V: Vpu> Tile<V> {
 
 /// Where the middles of texels lie on the image plane, along one axis.
 #[inline(always)]
-pub(super) fn middle<V: Vpu>(v: &mut V, texel: V::I32, unit: V::F32, origin: V::F32) -> V::F32 {
+pub fn middle<V: Vpu>(v: &mut V, texel: V::I32, unit: V::F32, origin: V::F32) -> V::F32 {
     let half = v.vset_f32(0.5);
     let texel = v.vcvt_i32_f32(texel);
     let texel = v.vadd(texel, half);
