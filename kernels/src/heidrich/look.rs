@@ -8,7 +8,7 @@ use super::channel::look;
 use crate::columns::{lanes_below, task_range};
 use crate::expression::scalar;
 use crate::field;
-use crate::irregular::receivers::{Receiver, Receivers};
+use crate::irregular::receivers::Receiver;
 use crate::map::DepthMap;
 use crate::map::look::{Bias, whole};
 
@@ -37,9 +37,9 @@ pub(super) struct Known {
 const HIDDEN: f32 = -1.0;
 
 impl Known {
-    /// Room for what is known of `receivers`.
-    pub(super) fn new(arena: &mut Arena, receivers: &Receivers) -> Known {
-        let words = u64::from(receivers.count) + 16;
+    /// Room for what is known of `receivers` receivers.
+    pub(super) fn new(arena: &mut Arena, receivers: u64) -> Known {
+        let words = receivers + 16;
         Known { before: arena.overwritten(words), sums: arena.overwritten(words) }
     }
 }
@@ -92,7 +92,9 @@ impl Kernel for Look {
                 let own = v.vblend_f32(hides, zero, own);
                 let other = v.vload_f32_or(hidden, live, known.before, i);
                 let from_other = v.vmax(other, zero);
-                let mut light = v.vadd(own, from_other);
+                let light = v.vadd(own, from_other);
+                // Where both see the receiver, and a skin ends at it, they would have more than the segment.
+                let mut light = v.vmin(light, one);
                 if self.skin == Skin::Masked {
                     let both = v.vcmp_ge(other, zero);
                     let both = v.kandn(hides, both);
@@ -114,7 +116,6 @@ impl Kernel for Look {
             } else {
                 let segments = v.vset_f32(self.segments as f32);
                 let visible = math::div(v, sum, segments);
-                let visible = v.vmin(visible, one);
                 let pixel = v.vload_i32(map.receivers.columns.column(field!(Receiver.pixel)), i);
                 v.vscatter_f32(live, self.visibility, pixel, visible);
             }

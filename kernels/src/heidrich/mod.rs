@@ -16,7 +16,7 @@
 //! What both ends see is taken for lit by all of the segment, and what neither sees for umbra: occluders and gaps that are narrower than a
 //! segment are missed.
 
-mod skins;
+pub mod skins;
 pub mod warp;
 pub mod channel;
 mod look;
@@ -86,7 +86,10 @@ impl Method for Heidrich {
                     name: "skin",
                     about: "where penumbras are",
                     values: Values::OneOf(&[
-                        Word { name: "masked", about: "where one of two neighboring samples sees the receiver" },
+                        Word {
+                            name: "masked",
+                            about: "where one of two neighboring samples sees the receiver",
+                        },
                         Word {
                             name: "printed",
                             about: "wherever a sample sees the receiver behind the border of an occluder, as published",
@@ -122,43 +125,56 @@ impl Method for Heidrich {
         runner: &mut Runner<'_>,
     ) -> Result<Shadows, Stopped> {
         let visibility = runner.arena.overwritten(u64::from(input.width * input.height));
-        let frame = Frame {
-            scene: Scene::uncut(input, runner.arena),
-            receivers: Receivers::new(input, runner.arena),
-            size: size(options),
-            largest: input.largest + input.light_radius,
-            threshold: options.number("threshold") as f32,
-            interpolation: [Interpolation::Affine, Interpolation::Perspective][options.word("interpolation")],
-        };
-        let samples: Vec<Sample> = viewpoints(input, options.whole("samples"))
-            .into_iter()
-            .map(|viewpoint| frame.sample(viewpoint, runner))
-            .collect::<Result<_, _>>()?;
-
-        runner.phase(&CHANNEL);
-        let mut channels = vec![[None; 2]; samples.len()];
-        for first in 0..samples.len() - 1 {
-            let [a, b] = [&samples[first], &samples[first + 1]];
-            channels[first][1] = Some(frame.channel(a, b, runner)?);
-            channels[first + 1][0] = Some(frame.channel(b, a, runner)?);
-        }
+        let samples = draw(options, input, runner)?;
 
         runner.phase(&LOOK);
-        let known = Known::new(runner.arena, &frame.receivers);
+        let known = Known::new(runner.arena, input.receivers.len() as u64);
         let segments = samples.len() as u32 - 1;
-        for (number, (sample, channels)) in samples.iter().zip(channels).enumerate() {
-            let skin = [Skin::Masked, Skin::Printed][options.word("skin")];
-            let (map, bias) = (sample.skins.map, bias(options));
-            let is_second = number == 1;
-            Look { map, bias, skin, channels, is_second, known, segments, visibility }.run(runner)?;
+        for (number, sample) in samples.iter().enumerate() {
+            let look = Look {
+                map: sample.skins.map,
+                bias: bias(options),
+                skin: [Skin::Masked, Skin::Printed][options.word("skin")],
+                channels: sample.channels,
+                is_second: number == 1,
+                known,
+                segments,
+                visibility,
+            };
+            look.run(runner)?;
         }
         Ok(Shadows { visibility: read(visibility, input, runner.arena), silhouette_edges: None })
     }
 }
 
+/// Draws the maps of all samples of the light, and their channels.
+pub fn draw(options: &Options, input: &ShadowInput, runner: &mut Runner<'_>) -> Result<Vec<Sample>, Stopped> {
+    let frame = Frame {
+        scene: Scene::uncut(input, runner.arena),
+        receivers: Receivers::new(input, runner.arena),
+        size: size(options),
+        largest: input.largest + input.light_radius,
+        threshold: options.number("threshold") as f32,
+        interpolation: [Interpolation::Affine, Interpolation::Perspective][options.word("interpolation")],
+    };
+    let mut samples = Vec::new();
+    for viewpoint in viewpoints(input, options.whole("samples")) {
+        samples.push(frame.sample(viewpoint, runner)?);
+    }
+    runner.phase(&CHANNEL);
+    for second in 1..samples.len() {
+        let first = second - 1;
+        samples[first].channels[1] = Some(frame.channel(&samples[first], &samples[second], runner)?);
+        samples[second].channels[0] = Some(frame.channel(&samples[second], &samples[first], runner)?);
+    }
+    Ok(samples)
+}
+
 /// Points of the light from which maps are drawn, evenly from end to end.
 fn viewpoints(input: &ShadowInput, count: u32) -> Vec<Viewpoint> {
-    let LightShape::Line { half } = input.light_shape else { panic!("the light is a line: others are refused") };
+    let LightShape::Line { half } = input.light_shape else {
+        panic!("the light is a line: others are refused")
+    };
     let at = |i: u32| half * (2.0 * f64::from(i) / f64::from(count - 1) - 1.0);
     (0..count).map(|i| Viewpoint::at(at(i).as_vec3().to_array())).collect()
 }
@@ -176,10 +192,15 @@ struct Frame {
     interpolation: Interpolation,
 }
 
-/// What a sample sees, and how its depth jumps.
-struct Sample {
-    viewpoint: Viewpoint,
-    skins: Skins,
+/// What a sample of the light sees.
+pub struct Sample {
+    /// Where it lies.
+    pub viewpoint: Viewpoint,
+    /// Where the depth of its map jumps, and the map.
+    pub skins: Skins,
+    /// How much is seen of the segment before it and of the one after it, by texel, or more than 1 where no skin tells; `None` where
+    /// the light ends.
+    pub channels: [Option<Addr>; 2],
 }
 
 impl Frame {
@@ -194,7 +215,7 @@ impl Frame {
 
         runner.phase(&SKINS);
         let skins = Skins::find(&map, self.threshold, runner)?;
-        Ok(Sample { viewpoint, skins })
+        Ok(Sample { viewpoint, skins, channels: [None; 2] })
     }
 
     /// Draws the channel of what is seen from `sample` and may be hidden from its neighbor `other`.

@@ -25,24 +25,24 @@ const NEAR: i32 = 1;
 /// Bit of a texel on the far side of a jump.
 const FAR: i32 = 2;
 /// Bit of a texel that is farther than its neighbors are on average: a corner at which all of the light is seen.
-pub(super) const LIT: i32 = 4;
+pub const LIT: i32 = 4;
 
 /// The skins of a map.
 #[derive(Clone, Copy)]
-pub(super) struct Skins {
+pub struct Skins {
     /// The map in which the depth jumps.
-    pub(super) map: DepthMap,
+    pub map: DepthMap,
     /// [`NEAR`], [`FAR`] and [`LIT`] of each texel.
-    pub(super) sides: Addr,
+    pub sides: Addr,
     /// Number of the triangle of each skin, see [`Skins::place`].
-    pub(super) list: Addr,
+    pub list: Addr,
     /// Number of skins.
-    pub(super) count: u32,
+    pub count: u32,
 }
 
 impl Skins {
     /// Finds the skins of `map`, where its depth jumps by `threshold` of itself or more.
-    pub(super) fn find(map: &DepthMap, threshold: f32, runner: &mut Runner<'_>) -> Result<Skins, Stopped> {
+    pub fn find(map: &DepthMap, threshold: f32, runner: &mut Runner<'_>) -> Result<Skins, Stopped> {
         let layout = &map.layout;
         let tiles = layout.tile_count();
         let sides = runner.arena.overwritten(layout.texel_count());
@@ -65,7 +65,7 @@ impl Skins {
     /// The square of 16 skins, the first texels of their cells, and which of the two triangles of a cell each is, 0 or 1: `numbers`
     /// as [`number`] makes them.
     #[inline(always)]
-    pub(super) fn place<V: Vpu>(&self, v: &mut V, numbers: V::I32) -> (V::I32, [V::I32; 2], V::I32) {
+    pub fn place<V: Vpu>(&self, v: &mut V, numbers: V::I32) -> (V::I32, [V::I32; 2], V::I32) {
         let one = v.vset_i32(1);
         let size_log2 = v.vset_i32(self.map.layout.size.trailing_zeros() as i32);
         let in_row = v.vset_i32(self.map.layout.size as i32 - 1);

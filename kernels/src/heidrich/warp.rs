@@ -101,8 +101,7 @@ impl Warp {
         let lit_bit = v.vset_i32(LIT);
         let (slot, [x, y], half) = self.skins.place(v, numbers);
         let face = v.vgather_i32_or(none, live, map.layout.slots.column(field!(MapSlot.face)), slot);
-        let mut of_face =
-            |field| v.vgather_f32_or(all_of_it, live, map.layout.faces.column(field), face);
+        let mut of_face = |field| v.vgather_f32_or(all_of_it, live, map.layout.faces.column(field), face);
         let origin = [of_face(field!(MapFace.origin[0])), of_face(field!(MapFace.origin[1]))];
         let unit = [of_face(field!(MapFace.unit[0])), of_face(field!(MapFace.unit[1]))];
         let farthest = of_face(field!(MapFace.farthest));
