@@ -205,7 +205,8 @@ fn a_straight_edge_has_a_linear_penumbra_where_light_and_floor_are_parallel() {
 /// The same with all axes in other places: light, floor and edge on each face of the map.
 #[test]
 fn a_straight_edge_has_the_same_penumbra_on_every_face() {
-    let parts = [0.1, 0.5, 0.9];
+    // The borders of the map are those of the receivers: the edge lies inside.
+    let parts = [0.1, 0.5, 0.9, -0.2, 1.2];
     let across: Vec<f64> = parts.iter().map(|g| 0.2 * (2.0 * g - 1.0)).collect();
     let (mesh, receivers) = (over(floor(|_| 2.0), &[strip(1.0, -20.0, 0.0)]), rows(|_| 2.0, &across));
     for (axis, sign) in [(0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0), (2, 1.0), (2, -1.0)] {
@@ -222,7 +223,7 @@ fn a_straight_edge_has_the_same_penumbra_on_every_face() {
         let receivers: Vec<_> = receivers.iter().map(|(p, own)| (turn(*p), *own)).collect();
         let drawn = means(&draw(&Heidrich, "", &input(mesh, light, &receivers), on()).visibility);
         for (g, drawn) in parts.iter().zip(drawn) {
-            assert!((drawn - g).abs() < 0.01, "axis {axis}, {sign}: {drawn} for {g}");
+            assert!((drawn - g.clamp(0.0, 1.0)).abs() < 0.01, "axis {axis}, {sign}: {drawn} for {g}");
         }
     }
 }
@@ -255,7 +256,7 @@ fn on_a_slanted_floor_what_is_drawn_is_linear_and_what_is_right_is_not() {
         most = most.max((drawn - right).abs());
     }
     println!("at most {most:.4} off");
-    assert!(most > 0.05, "{most}");
+    assert!(most > 0.03, "{most}");
 }
 
 #[test]
@@ -283,7 +284,7 @@ fn edges_parallel_to_the_light_throw_no_penumbra() {
 #[test]
 fn where_penumbras_overlap_two_samples_draw_a_false_umbra_and_three_do_not() {
     let mesh = over(floor(|_| 4.0), &[strip(2.0, -20.0, -0.125), strip(2.0, 0.125, 20.0)]);
-    let across = [0.0, 0.05, 0.1, 0.14, 0.16, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7];
+    let across = [0.0, 0.05, 0.1, 0.14, 0.16, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, -0.7];
     let receivers = rows(|_| 4.0, &across);
     let truth = means(&by_rays(&mesh, &line(0.4), &receivers, 800));
     let input = input(mesh, line(0.4), &receivers);
@@ -292,29 +293,33 @@ fn where_penumbras_overlap_two_samples_draw_a_false_umbra_and_three_do_not() {
     for (((x, truth), two), three) in across.iter().zip(truth).zip(two).zip(three) {
         println!("{x}: right {truth:.4}, two samples {two:.4}, three {three:.4}");
         // The end at -0.4 is seen from x > 0.15 on.
-        let right = if *x < 0.15 { 0.0 } else { truth };
+        let right = if x.abs() < 0.15 { 0.0 } else { truth };
         assert!((two - right).abs() < 0.01, "{x}, two samples: {two} for {right}");
         assert!((three - truth).abs() < 0.01, "{x}, three samples: {three} for {truth}");
-        assert!(*x > 0.15 || truth > 0.5, "{x}: {truth}");
+        assert!(x.abs() > 0.15 || truth > 0.5, "{x}: {truth}");
     }
 }
 
 #[test]
 fn what_hides_only_the_middle_of_the_light_throws_no_shadow_with_two_samples_and_one_with_three() {
     let mesh = over(floor(|_| 4.0), &[strip(2.0, -0.05, 0.05)]);
-    let across = [-0.1, 0.0, 0.1];
+    // The last two are there for the map, whose borders are those of the receivers.
+    let across = [-0.1, 0.0, 0.1, -1.0, 1.0];
     let receivers = rows(|_| 4.0, &across);
     let truth = means(&by_rays(&mesh, &line(0.4), &receivers, 800));
-    assert!(truth.iter().all(|truth| (truth - 0.75).abs() < 0.002), "{truth:?}");
+    assert!(truth[..3].iter().all(|truth| (truth - 0.75).abs() < 0.002), "{truth:?}");
     let input = input(mesh, line(0.4), &receivers);
-    let drawn = |options| means(&draw(&Heidrich, options, &input, on()).visibility);
-    assert_eq!(drawn("samples=2"), [1.0; 3]);
+    let drawn = |options: &str| means(&draw(&Heidrich, options, &input, on()).visibility);
+    assert_eq!(drawn("samples=2"), [1.0; 5]);
     // Only in the middle all three samples tell: at its sides two see the receiver again.
     let three = drawn("samples=3");
     assert!((three[1] - 0.75).abs() < 0.01, "{three:?}");
     // Skins over what both see are, on one level floor, what each end sees up to the occluder.
-    let printed = drawn("samples=2,skin=printed");
-    assert!(printed.iter().all(|light| (light - 0.75).abs() < 0.01), "{printed:?}");
+    for skin in ["printed", "agreed"] {
+        let drawn = drawn(&format!("samples=2,skin={skin}"));
+        assert!(drawn[..3].iter().all(|light| (light - 0.75).abs() < 0.01), "{skin}: {drawn:?}");
+        assert_eq!(drawn[3..], [1.0; 2], "{skin}");
+    }
 }
 
 #[test]
@@ -404,6 +409,7 @@ fn skins_are_nearer_to_the_truth_than_the_same_samples_without() {
             let without = with(",threshold=1");
             assert!(masked < without, "{name}, {samples}: {masked} with, {without} without");
             with(",skin=printed");
+            with(",skin=agreed");
             with(",interpolation=perspective");
             with(",size=2048");
         }
@@ -510,6 +516,14 @@ impl HostMap<'_> {
         let farthest = self.map.layout.faces.host(self.face(slot), field!(MapFace.farthest));
         let texel = self.arena.read_f32(self.map.texels.plus_words(self.word(slot, x, y)));
         f64::from(texel.max(self.arena.read_f32(farthest)))
+    }
+
+    /// Whether texels of a square are no wider than what f32 rounds on the image plane: those about a single receiver.
+    fn is_finer_than_f32(&self, slot: u32) -> bool {
+        let unit = |axis| {
+            self.arena.read_f32(self.map.layout.faces.host(self.face(slot), field!(MapFace.unit[axis])))
+        };
+        unit(0).min(unit(1)) < 1e-6
     }
 
     /// Direction of depth 1 to the middle of a texel.
@@ -640,6 +654,9 @@ fn channels_of_random_scenes_are_those_of_a_dumb_model() {
             let map = HostMap { map: own.skins.map, arena: &arena };
             let channel = own.channels[1 - i].expect("a segment has two channels");
             for slot in 0..map.map.layout.slot_count {
+                if map.is_finer_than_f32(slot) {
+                    continue;
+                }
                 for (x, y) in (0..128).step_by(7).flat_map(|y| (0..128).step_by(5).map(move |x| (x, y))) {
                     let word = map.word(slot, x, y);
                     let surface = f64::from(arena.read_f32(map.map.texels.plus_words(word)));
@@ -652,7 +669,7 @@ fn channels_of_random_scenes_are_those_of_a_dumb_model() {
                     };
                     assert!(
                         (ours - right).abs() < 2.0 * off + 1e-5,
-                        "seed {seed}, {i}, {slot} {x} {y}: {ours} for {right}"
+                        "seed {seed}, {i}, {slot} {x} {y}: {ours} for {right}; at {direction}, surface {surface}, off {off}, to {to_other}"
                     );
                     compared += 1;
                     covered += usize::from(right < 1.5);

@@ -4,7 +4,8 @@
 
 use lrbsim_isa::{Addr, Compare, Kernel, Runner, Step, Stopped, Vpu, math};
 
-use super::warp::SkinRecord;
+use super::warp::{self, SkinRecord, meets};
+use crate::columns::{higher, lower};
 use crate::expression::{each, int, scalar};
 use crate::field;
 use crate::map::DepthMap;
@@ -14,7 +15,10 @@ use crate::plane::dot;
 use crate::record::{Record, Records};
 
 /// What the channel has where no skin lies over the texel: more than all of the light.
-const NO_SKIN: f32 = 2.0;
+pub const NO_SKIN: f32 = 2.0;
+
+/// Bands of rows of a tile that are tasks of their own, by their logarithm: where many skins lie over a tile it would be a long task.
+const BANDS_LOG2: u32 = 1;
 
 /// How visibility is interpolated between the corners of a skin.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -37,21 +41,12 @@ pub(super) fn draw(
 ) -> Result<Addr, Stopped> {
     let channel = runner.arena.overwritten(map.layout.texel_count());
     let kernel = Draw { map: *map, skins, tiles: *tiles, interpolation, near, channel };
-    // SAFETY: each task writes the texels of its own tile.
-    runner.run(&unsafe { Step::independent("draw skins", map.layout.tile_count(), kernel) })?;
+    // SAFETY: each task writes the texels of its own band of a tile.
+    runner.run(&unsafe { Step::independent("draw skins", map.layout.tile_count() << BANDS_LOG2, kernel) })?;
     Ok(channel)
 }
 
-/// What the `channel` has at `word`: half of the light, where no skin lies over the texel.
-#[inline(always)]
-pub(super) fn look<V: Vpu>(v: &mut V, live: V::Mask, channel: Addr, word: V::I32) -> V::F32 {
-    let (half, one) = (v.vset_f32(0.5), v.vset_f32(1.0));
-    let light = v.vgather_f32_or(half, live, channel, word);
-    let none = v.vcmp_gt(light, one);
-    v.vblend_f32(none, half, light)
-}
-
-/// Draws the skins of a tile: the darkest stays.
+/// Draws the skins of a band of a tile: the darkest stays.
 ///
 /// Light is seen from this sample on up to the first thing that hides some of it: of several skins over one point the darkest tells
 /// how much that is, in whatever order they are drawn.
@@ -89,20 +84,27 @@ pub struct SkinOnFace<V: Vpu> {
     pub lit: [V::F32; 3],
 }
 
+/// Weights of the corners of a skin on the face with these axes: of x, of y, and a constant.
+#[inline(always)]
+fn weights<V: Vpu>(v: &mut V, skin: Record<V, SkinRecord>, axes: &Axes<V>) -> [[V::F32; 3]; 3] {
+    each!(k in [0, 1, 2] => {
+        let normal = field!(SkinRecord.normals[k]);
+        let [x, y, depth] = each!(axis in [0, 1, 2] => skin.component(v, normal, axes.numbers[axis]));
+        [x, y, v.vmul(depth, axes.sign)]
+    })
+}
+
 impl<V: Vpu> SkinOnFace<V> {
-    /// A skin on the face with these axes.
+    /// A skin on the face with these axes, on which its corners have these weights.
     #[inline(always)]
-    pub fn new(
+    fn new(
         v: &mut V,
         skin: Record<V, SkinRecord>,
         axes: &Axes<V>,
+        weights: [[V::F32; 3]; 3],
         interpolation: Interpolation,
         near: f32,
     ) -> SkinOnFace<V> {
-        let weights = each!(k in [0, 1, 2] => {
-            let [x, y, depth] = each!(axis in [0, 1, 2] => skin.component(v, field!(SkinRecord.normals[k]), axes.numbers[axis]));
-            [x, y, v.vmul(depth, axes.sign)]
-        });
         let per_depth = skin.float(v, field!(SkinRecord.per_depth));
         let factors = each!(k in [0, 1, 2] => {
             let depth = skin.component(v, field!(SkinRecord.corners[k]), axes.numbers[2]);
@@ -119,14 +121,14 @@ impl<V: Vpu> SkinOnFace<V> {
     /// Weights of the corners at the x of some places, to which those of their y are still to be added.
     #[inline(always)]
     pub fn at_x(&self, v: &mut V, x: V::F32) -> [V::F32; 3] {
-        each!(k in [0, 1, 2] => v.vmadd(self.weights[k][0], x, self.weights[k][2]))
+        each!(k in [0, 1, 2] => warp::at_x(v, self.weights[k], x))
     }
 
     /// Weights of the corners at some places, and which of these the skin covers.
     #[inline(always)]
     pub fn at_y(&self, v: &mut V, at_x: [V::F32; 3], y: V::F32) -> ([V::F32; 3], V::Mask) {
         let zero = v.vset_f32(0.0);
-        let weights = each!(k in [0, 1, 2] => v.vmadd(self.weights[k][1], y, at_x[k]));
+        let weights = each!(k in [0, 1, 2] => warp::at_y(v, self.weights[k], at_x[k], y));
         let inside = v.vcmp_ge(weights[0], zero);
         let inside = v.vcmp_ge_masked(inside, weights[1], zero);
         (weights, v.vcmp_ge_masked(inside, weights[2], zero))
@@ -156,33 +158,60 @@ impl Kernel for Draw {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
         let Draw { map, tiles, channel, .. } = self;
-        let tile = Tile::new(v, &map.layout, task);
+        let number = scalar!(v, task >> { BANDS_LOG2 as i32 });
+        let tile = Tile::new(v, &map.layout, number);
+        let rows = (1 << map.layout.tile_log2) >> BANDS_LOG2;
+        let first = scalar!(v, (task & { (1 << BANDS_LOG2) - 1 }) * { rows });
+        let end = scalar!(v, first + { rows });
+        let last = scalar!(v, end - 1);
         let all = v.mask_all();
         let no_skin = v.vset_f32(NO_SKIN);
-        let [mut word, end] = tile.words;
+        let left = v.s_imm(0);
+        let mut word = tile.word(v, &map.layout, left, first);
+        let end = tile.word(v, &map.layout, left, end);
         while v.branch(Compare::Less, word, end) {
             v.vstore_f32(all, *channel, word, no_skin);
             word = scalar!(v, word + 16);
         }
         let axes = Axes::new(v, tile.face);
+        let (middle, halves) = tile.rectangle(v, &map.layout, first, rows as u32);
         let [mut item, end] = tiles.items_of(v, &tile);
         while v.branch(Compare::Less, item, end) {
             let number = tiles.number(v, item);
-            let skin = self.skins.record(v, number);
-            let skin = SkinOnFace::new(v, skin, &axes, self.interpolation, self.near);
-            self.skin(v, &tile, number, &skin);
             item = scalar!(v, item + 1);
+            let [columns, [low_y, last_y]] = tiles.range(v, &tile, number);
+            let low_y = higher(v, low_y, first);
+            let last_y = lower(v, last_y, last);
+            if v.branch(Compare::Less, last_y, low_y) {
+                continue;
+            }
+            let record = self.skins.record(v, number);
+            let weights = weights(v, record, &axes);
+            // Boxes of skins are wide where these lie aslant: most pass by the tile.
+            let mut reaches = all;
+            for weight in weights {
+                reaches = meets(v, reaches, weight, middle, halves);
+            }
+            if v.branch_any(reaches) {
+                let skin = SkinOnFace::new(v, record, &axes, weights, self.interpolation, self.near);
+                self.skin(v, &tile, [columns, [low_y, last_y]], &skin);
+            }
         }
     }
 }
 
 impl Draw {
-    /// Draws skin `number` on a tile.
+    /// Draws a skin on the texels of a tile that it may cover, from the first to the last along both axes.
     #[inline(always)]
-    fn skin<V: Vpu>(&self, v: &mut V, tile: &Tile<V>, number: V::S32, skin: &SkinOnFace<V>) {
-        let Draw { map, tiles, channel, .. } = self;
+    fn skin<V: Vpu>(
+        &self,
+        v: &mut V,
+        tile: &Tile<V>,
+        [[low_x, last_x], [low_y, last_y]]: [[V::S32; 2]; 2],
+        skin: &SkinOnFace<V>,
+    ) {
+        let Draw { map, channel, .. } = self;
         let side = 1 << map.layout.tile_log2;
-        let [[low_x, last_x], [low_y, last_y]] = tiles.range(v, tile, number);
         let one = v.vset_i32(1);
         let mut x = scalar!(v, (low_x >> 4) << 4);
         while v.branch(Compare::LessEqual, x, last_x) {

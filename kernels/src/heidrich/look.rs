@@ -4,9 +4,9 @@
 
 use lrbsim_isa::{Addr, Arena, Compare, Kernel, Runner, Step, Stopped, Vpu, math};
 
-use super::channel::look;
+use super::channel::NO_SKIN;
 use crate::columns::{lanes_below, task_range};
-use crate::expression::scalar;
+use crate::expression::{each, scalar};
 use crate::field;
 use crate::irregular::receivers::Receiver;
 use crate::map::DepthMap;
@@ -20,6 +20,9 @@ const TASK: u32 = 256;
 pub enum Skin {
     /// Skins tell of receivers that one of the samples sees: what both see is lit by all of the segment [algorithms, 3.3].
     Masked,
+    /// Skins tell also of receivers that both samples see and that lie behind skins of both: what hides the middle of the segment has
+    /// borders for either.
+    Agreed,
     /// Skins tell of all that lies behind them, as printed.
     Printed,
 }
@@ -27,7 +30,8 @@ pub enum Skin {
 /// What is known of receivers when some of the samples have been looked at.
 #[derive(Clone, Copy)]
 pub(super) struct Known {
-    /// What the sample before adds to the segment that follows it, by receiver; [`HIDDEN`] where it does not see the receiver.
+    /// What the channel of the sample before has of the segment that follows it, by receiver; [`HIDDEN`] where that sample does not see
+    /// the receiver.
     before: Addr,
     /// Sum over the segments so far of what is seen of each, by receiver.
     sums: Addr,
@@ -76,8 +80,8 @@ impl Kernel for Look {
         let Look { map, known, .. } = self;
         let [before, after] = self.channels;
         let (mut i, end) = task_range(v, task, TASK, map.receivers.count);
-        let (zero, one) = (v.vset_f32(0.0), v.vset_f32(1.0));
-        let hidden = v.vset_f32(HIDDEN);
+        let zero = v.vset_f32(0.0);
+        let (hidden, no_skin) = (v.vset_f32(HIDDEN), v.vset_f32(NO_SKIN));
         while v.branch(Compare::Less, i, end) {
             let live = lanes_below(v, i, end);
             let places = map.places(v, live, i, self.bias);
@@ -88,18 +92,10 @@ impl Kernel for Look {
 
             let mut sum = zero;
             if let Some(channel) = before {
-                let own = look(v, live, channel, word);
-                let own = v.vblend_f32(hides, zero, own);
+                let own = v.vgather_f32_or(no_skin, live, channel, word);
+                let own = v.vblend_f32(hides, hidden, own);
                 let other = v.vload_f32_or(hidden, live, known.before, i);
-                let from_other = v.vmax(other, zero);
-                let light = v.vadd(own, from_other);
-                // Where both see the receiver, and a skin ends at it, they would have more than the segment.
-                let mut light = v.vmin(light, one);
-                if self.skin == Skin::Masked {
-                    let both = v.vcmp_ge(other, zero);
-                    let both = v.kandn(hides, both);
-                    light = v.vblend_f32(both, one, light);
-                }
+                let light = segment(v, self.skin, own, other);
                 sum = light;
                 if !self.is_second {
                     let so_far = v.vload_f32_or(zero, live, known.sums, i);
@@ -107,7 +103,7 @@ impl Kernel for Look {
                 }
             }
             if let Some(channel) = after {
-                let light = look(v, live, channel, word);
+                let light = v.vgather_f32_or(no_skin, live, channel, word);
                 let light = v.vblend_f32(hides, hidden, light);
                 v.vstore_f32(live, known.before, i, light);
                 if before.is_some() {
@@ -122,4 +118,29 @@ impl Kernel for Look {
             i = scalar!(v, i + 16);
         }
     }
+}
+
+/// How much of a segment is seen, from what the channels of its two samples have: [`HIDDEN`] where a sample does not see the receiver, and
+/// [`NO_SKIN`] where it does, and no skin tells more: then half of the segment.
+#[inline(always)]
+fn segment<V: Vpu>(v: &mut V, skin: Skin, own: V::F32, other: V::F32) -> V::F32 {
+    let (zero, half, one) = (v.vset_f32(0.0), v.vset_f32(0.5), v.vset_f32(1.0));
+    let [part, other_part] = each!(part in [own, other] => {
+        let seen = v.vmax(part, zero);
+        let has_no_skin = v.vcmp_gt(part, one);
+        v.vblend_f32(has_no_skin, half, seen)
+    });
+    let light = v.vadd(part, other_part);
+    // Where a skin ends both samples together would have more than the segment.
+    let light = v.vmin(light, one);
+    if skin == Skin::Printed {
+        return light;
+    }
+    let mut all = v.vcmp_ge(own, zero);
+    all = v.vcmp_ge_masked(all, other, zero);
+    if skin == Skin::Agreed {
+        let greater = v.vmax(own, other);
+        all = v.vcmp_gt_masked(all, greater, one);
+    }
+    v.vblend_f32(all, one, light)
 }

@@ -91,6 +91,10 @@ impl Method for Heidrich {
                             about: "where one of two neighboring samples sees the receiver",
                         },
                         Word {
+                            name: "agreed",
+                            about: "there, and where both see it behind borders of occluders that each of them has",
+                        },
+                        Word {
                             name: "printed",
                             about: "wherever a sample sees the receiver behind the border of an occluder, as published",
                         },
@@ -134,7 +138,7 @@ impl Method for Heidrich {
             let look = Look {
                 map: sample.skins.map,
                 bias: bias(options),
-                skin: [Skin::Masked, Skin::Printed][options.word("skin")],
+                skin: [Skin::Masked, Skin::Agreed, Skin::Printed][options.word("skin")],
                 channels: sample.channels,
                 is_second: number == 1,
                 known,

@@ -19,6 +19,9 @@ use crate::segment::Vec2;
 /// Number of skins that a task handles.
 const TASK: u32 = 256;
 
+/// Texels along an axis up to which skins are asked whether they cover the middle of any.
+const SMALL: i32 = 3;
+
 /// A skin as seen from the sample that it is drawn for.
 #[repr(C)]
 pub struct SkinRecord {
@@ -71,8 +74,8 @@ impl Kernel for Warp {
             let live = lanes_below(v, i, end);
             let numbers = v.vload_i32_or(none, live, skins.list, i);
             let (corners, lit) = self.corners(v, live, numbers);
-            // What is seen edge-on covers nothing.
-            let covers = self.store(v, live, i, corners, lit);
+            let (seen, normals, per_depth) = normals(v, live, corners);
+            self.store(v, live, i, SkinRecordOf { normals, per_depth, corners, lit });
             let mut slot = v.s_imm(0);
             while v.branch(Compare::Less, slot, slots) {
                 let face = v.s_load(layout.slots.column(field!(MapSlot.face)), slot);
@@ -81,7 +84,11 @@ impl Kernel for Warp {
                     let this = v.s_imm(number as i32);
                     if v.branch(Compare::Equal, face, this) {
                         let reach = on_face(v, self.near, number, corners);
-                        boxes.store(v, layout, [slot, face], i, covers, reach);
+                        let weights = each!(k in [0, 1, 2] => on_face_of(v, number, normals[k]));
+                        let covers = self.reaches_square(v, face, seen, weights);
+                        let (covers, ranges) = Boxes::ranges(v, layout, face, covers, reach);
+                        let covers = self.covers_middles(v, face, covers, ranges, weights);
+                        boxes.put(v, slot, i, covers, ranges);
                     }
                 }
                 slot = scalar!(v, slot + 1);
@@ -131,17 +138,92 @@ impl Warp {
         (corners.map(|(corner, _)| corner), corners.map(|(_, lit)| lit))
     }
 
-    /// Stores the records of the 16 skins from `i` on; which of them can be seen.
+    /// Which of 16 skins are not beside the square of `face` with all of it: boxes of skins that are partly behind the sample are wide.
+    /// `weights`: of their corners, on the image plane.
     #[inline(always)]
-    fn store<V: Vpu>(
+    fn reaches_square<V: Vpu>(
         &self,
         v: &mut V,
-        live: V::Mask,
-        i: V::S32,
-        corners: [Vec3<V>; 3],
-        lit: [V::F32; 3],
+        face: V::S32,
+        seen: V::Mask,
+        weights: [[V::F32; 3]; 3],
     ) -> V::Mask {
-        let (seen, normals, per_depth) = normals(v, live, corners);
+        let half = v.vset_f32(0.5 * self.layout.size as f32);
+        let faces = self.layout.faces;
+        let halves = each!(axis in [0, 1] => {
+            let unit = v.vbroadcast_f32(faces.column(field!(MapFace.unit[axis])), face);
+            v.vmul(unit, half)
+        });
+        let middle = each!(axis in [0, 1] => {
+            let origin = v.vbroadcast_f32(faces.column(field!(MapFace.origin[axis])), face);
+            v.vadd(origin, halves[axis])
+        });
+        let mut reaches = seen;
+        for weight in weights {
+            reaches = meets(v, reaches, weight, middle, halves);
+        }
+        reaches
+    }
+
+    /// Which of 16 skins cover the middle of a texel, as far as they are asked: those that may cover more than [`SMALL`] texels along an
+    /// axis are not. Skins from a square of finer texels are many, and most of them lie between the middles.
+    #[inline(always)]
+    fn covers_middles<V: Vpu>(
+        &self,
+        v: &mut V,
+        face: V::S32,
+        covers: V::Mask,
+        ranges: [[V::I32; 2]; 2],
+        weights: [[V::F32; 3]; 3],
+    ) -> V::Mask {
+        let (one, small) = (v.vset_i32(1), v.vset_i32(SMALL));
+        let mut asked = covers;
+        for [first, last] in ranges {
+            let more = int!(v, last - first);
+            asked = v.vicmp_lt_masked(asked, more, small);
+        }
+        if !v.branch_any(asked) {
+            return covers;
+        }
+        let faces = self.layout.faces;
+        let origin =
+            each!(axis in [0, 1] => v.vbroadcast_f32(faces.column(field!(MapFace.origin[axis])), face));
+        let unit = each!(axis in [0, 1] => v.vbroadcast_f32(faces.column(field!(MapFace.unit[axis])), face));
+        let [[first_x, last_x], [first_y, last_y]] = ranges;
+        let mut found = v.kandn(asked, covers);
+        let end = v.s_imm(SMALL);
+        let mut texel_x = first_x;
+        let mut x = v.s_imm(0);
+        while v.branch(Compare::Less, x, end) {
+            let place_x = middle(v, texel_x, unit[0], origin[0]);
+            let at_x = each!(k in [0, 1, 2] => at_x(v, weights[k], place_x));
+            let after = int!(v, last_x + one);
+            let in_columns = v.vicmp_lt_masked(asked, texel_x, after);
+            let mut texel_y = first_y;
+            let mut y = v.s_imm(0);
+            while v.branch(Compare::Less, y, end) {
+                let place_y = middle(v, texel_y, unit[1], origin[1]);
+                let after = int!(v, last_y + one);
+                let mut inside = v.vicmp_lt_masked(in_columns, texel_y, after);
+                let zero = v.vset_f32(0.0);
+                for k in 0..3 {
+                    let weight = at_y(v, weights[k], at_x[k], place_y);
+                    inside = v.vcmp_ge_masked(inside, weight, zero);
+                }
+                found = v.kor(found, inside);
+                texel_y = int!(v, texel_y + one);
+                y = scalar!(v, y + 1);
+            }
+            texel_x = int!(v, texel_x + one);
+            x = scalar!(v, x + 1);
+        }
+        v.kand(found, covers)
+    }
+
+    /// Stores the records of the 16 skins from `i` on.
+    #[inline(always)]
+    fn store<V: Vpu>(&self, v: &mut V, live: V::Mask, i: V::S32, of: SkinRecordOf<V>) {
+        let SkinRecordOf { normals, per_depth, corners, lit } = of;
         let lane = v.viota();
         let record_words = v.vset_i32(words::<SkinRecord>() as i32);
         let first = v.vsplat(i);
@@ -158,8 +240,55 @@ impl Warp {
             }
             v.vscatter_f32(live, self.records.field(field!(SkinRecord.lit[k])), at, lit[k]);
         }
-        seen
     }
+}
+
+/// The weight of a corner on the image plane of a face, `of x`, `of y`, and a constant, by the normal that a direction is multiplied with.
+#[inline(always)]
+fn on_face_of<V: Vpu>(v: &mut V, face: u32, normal: Vec3<V>) -> [V::F32; 3] {
+    let axis = face as usize / 2;
+    let sign = v.vset_f32(if face.is_multiple_of(2) { 1.0 } else { -1.0 });
+    [normal[(axis + 1) % 3], normal[(axis + 2) % 3], v.vmul(normal[axis], sign)]
+}
+
+/// The weight of a corner at places of this x, to which that of their y is still to be added. All who ask get the same bits.
+#[inline(always)]
+pub fn at_x<V: Vpu>(v: &mut V, weight: [V::F32; 3], x: V::F32) -> V::F32 {
+    v.vmadd(weight[0], x, weight[2])
+}
+
+/// The weight of a corner at places of this y, from [`at_x`].
+#[inline(always)]
+pub fn at_y<V: Vpu>(v: &mut V, weight: [V::F32; 3], at_x: V::F32, y: V::F32) -> V::F32 {
+    v.vmadd(weight[1], y, at_x)
+}
+
+/// The fields of 16 records.
+struct SkinRecordOf<V: Vpu> {
+    normals: [Vec3<V>; 3],
+    per_depth: V::F32,
+    corners: [Vec3<V>; 3],
+    lit: [V::F32; 3],
+}
+
+/// Lanes of `live` in which the weight of a corner, which is linear on the image plane, is 0 or more somewhere on the rectangle about
+/// `middle` that reaches as far as `halves`.
+#[inline(always)]
+pub fn meets<V: Vpu>(
+    v: &mut V,
+    live: V::Mask,
+    weight: [V::F32; 3],
+    middle: Vec2<V>,
+    halves: Vec2<V>,
+) -> V::Mask {
+    let zero = v.vset_f32(0.0);
+    let mut most = weight[2];
+    for axis in 0..2 {
+        let slope = v.vabs(weight[axis]);
+        most = v.vmadd(weight[axis], middle[axis], most);
+        most = v.vmadd(slope, halves[axis], most);
+    }
+    v.vcmp_ge_masked(live, most, zero)
 }
 
 /// Normals and reciprocal volumes of 16 skins, as in [`SkinRecord`], and which of these can be seen: not edge-on.

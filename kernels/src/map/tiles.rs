@@ -8,7 +8,7 @@ use lrbsim_isa::{Addr, Arena, Compare, Kernel, Runner, Step, Stopped, Vpu};
 
 use super::layout::{Layout, MapFace, MapSlot};
 use crate::clear;
-use crate::columns::{lanes_below, lower, take_lane, task_range};
+use crate::columns::{higher, lanes_below, lower, take_lane, task_range};
 use crate::expression::{each, int, scalar};
 use crate::field;
 use crate::lists::Lists;
@@ -76,8 +76,22 @@ impl Boxes {
         [slot, face]: [V::S32; 2],
         number: V::S32,
         covers: V::Mask,
-        [low, high]: [Vec2<V>; 2],
+        reach: [Vec2<V>; 2],
     ) {
+        let (covers, ranges) = Boxes::ranges(v, layout, face, covers, reach);
+        self.put(v, slot, number, covers, ranges);
+    }
+
+    /// The texels that 16 things may cover on the square of `face`, the first and the last along each axis: those in `covers` reach from
+    /// `low` to `high` on the image plane. Which of them do not lie beside the square.
+    #[inline(always)]
+    pub fn ranges<V: Vpu>(
+        v: &mut V,
+        layout: &Layout,
+        face: V::S32,
+        covers: V::Mask,
+        [low, high]: [Vec2<V>; 2],
+    ) -> (V::Mask, [[V::I32; 2]; 2]) {
         let (zero, one) = (v.vset_f32(0.0), v.vset_f32(1.0));
         let last = v.vset_f32((layout.size - 1) as f32);
         let mut covers = covers;
@@ -100,6 +114,20 @@ impl Boxes {
             let high = v.vmin(high, last);
             [v.vcvt_f32_i32(low), v.vcvt_f32_i32(high)]
         });
+        (covers, ranges)
+    }
+
+    /// Stores the boxes of the 16 things from `number` on, on the square `slot`: those in `covers` may cover these texels, the others
+    /// none.
+    #[inline(always)]
+    pub fn put<V: Vpu>(
+        &self,
+        v: &mut V,
+        slot: V::S32,
+        number: V::S32,
+        covers: V::Mask,
+        ranges: [[V::I32; 2]; 2],
+    ) {
         let half = v.vset_i32(16);
         let none = v.vset_i32(NONE);
         let all = v.mask_all();
@@ -161,9 +189,8 @@ impl Tiles {
             let word = v.s_load(base, at);
             let first = tile.first[axis];
             let low = scalar!(v, (word & 0xffff) - first);
-            let low = if v.branch(Compare::Less, low, nothing) { nothing } else { low };
             let high = scalar!(v, (word >> 16) - first);
-            [low, lower(v, high, last)]
+            [higher(v, low, nothing), lower(v, high, last)]
         })
     }
 }
@@ -230,6 +257,25 @@ impl<V: Vpu> Tile<V> {
     #[inline(always)]
     pub fn middle(&self, v: &mut V, axis: usize, texels: V::I32) -> V::F32 {
         middle(v, texels, self.unit[axis], self.origin[axis])
+    }
+
+    /// The rectangle of the image plane that `rows` rows of its texels cover, from `y` on, which is counted from the tile's first: its
+    /// middle, and half of its sides.
+    #[inline(always)]
+    pub fn rectangle(&self, v: &mut V, layout: &Layout, y: V::S32, rows: u32) -> (Vec2<V>, Vec2<V>) {
+        let halves = each!(axis in [0, 1] => {
+            let texels = [1 << layout.tile_log2, rows][axis];
+            let half = v.vset_f32(0.5 * texels as f32);
+            v.vmul(self.unit[axis], half)
+        });
+        let first_x = v.vsplat(self.first[0]);
+        let firsts = [first_x, self.row(v, y)];
+        let middle = each!(axis in [0, 1] => {
+            let first = v.vcvt_i32_f32(firsts[axis]);
+            let low = v.vmadd(first, self.unit[axis], self.origin[axis]);
+            v.vadd(low, halves[axis])
+        });
+        (middle, halves)
     }
 
     /// The word of the texel at (x, y), which are counted from the tile's first.
