@@ -416,6 +416,28 @@ fn skins_are_nearer_to_the_truth_than_the_same_samples_without() {
     }
 }
 
+/// Figure 9 of the paper: one blocker, one light, maps of 500 texels there, and 10 uniform rays beside it.
+#[test]
+fn with_one_blocker_two_samples_are_nearer_to_the_truth_than_ten_rays() {
+    let mesh = over(floor(|_| 4.0), &[sheet(2.0, &[(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])]);
+    let at = |k: u32| f64::from(k) / 24.0 - 2.0;
+    let receivers: Vec<(DVec3, u32)> = (0..96)
+        .flat_map(|y| (0..96).map(move |x| DVec3::new(at(x), at(y), -4.0)))
+        .map(|p| (p, u32::from(p.y > p.x)))
+        .collect();
+    let to_f64 = |values: Vec<f32>| values.into_iter().map(f64::from).collect::<Vec<f64>>();
+    let by_rays = |count| to_f64(by_rays(&mesh, &line(0.4), &receivers, count));
+    let truth = by_rays(2000);
+    let input = input(mesh.clone(), line(0.4), &receivers);
+    let ours = error(&truth, "size=512", &input);
+    println!("two samples: mean {:.4} of the shadowed", ours.atty_mae);
+    for count in [2, 6, 10, 50, 200] {
+        let rays = ErrorMetrics::new(&truth, &by_rays(count));
+        println!("{count} rays: mean {:.4}", rays.atty_mae);
+        assert!(count > 10 || ours.atty_mae < rays.atty_mae, "{count} rays: {}", rays.atty_mae);
+    }
+}
+
 #[test]
 fn what_both_ends_see_is_lit_unless_skins_are_as_printed() {
     let (scene, _, input) = under_a_line("table", DVec3::X * 0.4, (160, 120));
@@ -445,7 +467,7 @@ fn what_both_ends_see_is_lit_unless_skins_are_as_printed() {
 fn soft_shadow_maps_are_the_same_on_all_back_ends_and_their_tasks_are_short() {
     let input = under_a_line("tiny", DVec3::new(0.15, 0.0, 0.05), (120, 90)).2;
     same_on_all_back_ends(&Heidrich, "size=256", &input);
-    same_on_all_back_ends(&Heidrich, "size=1024", &input);
+    same_on_all_back_ends(&Heidrich, "size=1024,samples=3", &input);
     same_on_all_back_ends(
         &Heidrich,
         "size=128,samples=4,skin=printed,interpolation=perspective,bias=constant",
@@ -462,7 +484,7 @@ fn valid_nasty_meshes_empty_frames_and_degenerate_lights_give_visibilities() {
     for entry in manifest.as_array().expect("a list") {
         let file = entry["file"].as_str().expect("a name");
         // Valid files without geometry are no scenes.
-        let Ok(scene) = load_scene(&folder.join(file), Path::new(".")) else { continue };
+        let Ok(scene) = load_scene(folder.join(file), Path::new(".")) else { continue };
         let eye = EyeView::render(&scene.mesh, &scene.camera, 64, 48);
         let (center, half) = (scene.light.center(), DVec3::new(1.0, 0.5, 0.2) * scene.light.radius());
         let scene = Scene { light: Light::Linear { p0: center - half, p1: center + half }, ..scene };
@@ -606,6 +628,10 @@ fn darkest(
         });
         if weights.iter().any(|(weight, slack)| *weight < -slack) {
             continue;
+        }
+        // Nearly edge-on rounding decides whether a skin is seen, and from which side.
+        if volume.abs() < 2e-6 * a.length() * b.length() * c.length() {
+            return None;
         }
         let sum: f64 = weights.iter().map(|(weight, _)| weight).sum();
         let depth = sum / volume.abs();

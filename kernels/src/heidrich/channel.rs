@@ -5,7 +5,7 @@
 use lrbsim_isa::{Addr, Compare, Kernel, Runner, Step, Stopped, Vpu, math};
 
 use super::warp::{self, SkinRecord, meets};
-use crate::columns::{higher, lower};
+use crate::columns::{higher, lanes_below, lower, take_lane};
 use crate::expression::{each, int, scalar};
 use crate::field;
 use crate::map::DepthMap;
@@ -17,8 +17,9 @@ use crate::record::{Record, Records};
 /// What the channel has where no skin lies over the texel: more than all of the light.
 pub const NO_SKIN: f32 = 2.0;
 
-/// Bands of rows of a tile that are tasks of their own, by their logarithm: where many skins lie over a tile it would be a long task.
-const BANDS_LOG2: u32 = 1;
+/// Rows of a tile that are a task of their own, by their logarithm. Skins of all depths meet where a sample sees its neighbor, and lie
+/// over one tile there, which would be a long task.
+const ROWS_LOG2: u32 = 2;
 
 /// How visibility is interpolated between the corners of a skin.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -40,9 +41,10 @@ pub(super) fn draw(
     runner: &mut Runner<'_>,
 ) -> Result<Addr, Stopped> {
     let channel = runner.arena.overwritten(map.layout.texel_count());
+    let bands_log2 = map.layout.tile_log2 - ROWS_LOG2;
     let kernel = Draw { map: *map, skins, tiles: *tiles, interpolation, near, channel };
     // SAFETY: each task writes the texels of its own band of a tile.
-    runner.run(&unsafe { Step::independent("draw skins", map.layout.tile_count() << BANDS_LOG2, kernel) })?;
+    runner.run(&unsafe { Step::independent("draw skins", map.layout.tile_count() << bands_log2, kernel) })?;
     Ok(channel)
 }
 
@@ -158,17 +160,18 @@ impl Kernel for Draw {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
         let Draw { map, tiles, channel, .. } = self;
-        let number = scalar!(v, task >> { BANDS_LOG2 as i32 });
+        let bands_log2 = (map.layout.tile_log2 - ROWS_LOG2) as i32;
+        let number = scalar!(v, task >> { bands_log2 });
         let tile = Tile::new(v, &map.layout, number);
-        let rows = (1 << map.layout.tile_log2) >> BANDS_LOG2;
-        let first = scalar!(v, (task & { (1 << BANDS_LOG2) - 1 }) * { rows });
+        let rows = 1 << ROWS_LOG2;
+        let first = scalar!(v, (task & { (1 << bands_log2) - 1 }) << { ROWS_LOG2 as i32 });
         let end = scalar!(v, first + { rows });
         let last = scalar!(v, end - 1);
         let all = v.mask_all();
         let no_skin = v.vset_f32(NO_SKIN);
-        let left = v.s_imm(0);
-        let mut word = tile.word(v, &map.layout, left, first);
-        let end = tile.word(v, &map.layout, left, end);
+        let nothing = v.s_imm(0);
+        let mut word = tile.word(v, &map.layout, nothing, first);
+        let end = tile.word(v, &map.layout, nothing, end);
         while v.branch(Compare::Less, word, end) {
             v.vstore_f32(all, *channel, word, no_skin);
             word = scalar!(v, word + 16);
@@ -177,25 +180,29 @@ impl Kernel for Draw {
         let (middle, halves) = tile.rectangle(v, &map.layout, first, rows as u32);
         let [mut item, end] = tiles.items_of(v, &tile);
         while v.branch(Compare::Less, item, end) {
-            let number = tiles.number(v, item);
-            item = scalar!(v, item + 1);
-            let [columns, [low_y, last_y]] = tiles.range(v, &tile, number);
-            let low_y = higher(v, low_y, first);
-            let last_y = lower(v, last_y, last);
-            if v.branch(Compare::Less, last_y, low_y) {
-                continue;
+            let live = lanes_below(v, item, end);
+            let near = tiles.in_rows(v, &tile, live, item, [first, last]);
+            let mut left = v.kmov_to_scalar(near);
+            while v.branch(Compare::NotEqual, left, nothing) {
+                let lane = take_lane(v, &mut left);
+                let item = scalar!(v, item + lane);
+                let number = tiles.number(v, item);
+                let record = self.skins.record(v, number);
+                let weights = weights(v, record, &axes);
+                // Boxes of skins are wide where these lie aslant: most pass by the rows.
+                let mut reaches = all;
+                for weight in weights {
+                    reaches = meets(v, reaches, weight, middle, halves);
+                }
+                if v.branch_any(reaches) {
+                    let [columns, [low_y, last_y]] = tiles.range(v, &tile, number);
+                    let low_y = higher(v, low_y, first);
+                    let last_y = lower(v, last_y, last);
+                    let skin = SkinOnFace::new(v, record, &axes, weights, self.interpolation, self.near);
+                    self.skin(v, &tile, [columns, [low_y, last_y]], &skin);
+                }
             }
-            let record = self.skins.record(v, number);
-            let weights = weights(v, record, &axes);
-            // Boxes of skins are wide where these lie aslant: most pass by the tile.
-            let mut reaches = all;
-            for weight in weights {
-                reaches = meets(v, reaches, weight, middle, halves);
-            }
-            if v.branch_any(reaches) {
-                let skin = SkinOnFace::new(v, record, &axes, weights, self.interpolation, self.near);
-                self.skin(v, &tile, [columns, [low_y, last_y]], &skin);
-            }
+            item = scalar!(v, item + 16);
         }
     }
 }

@@ -21,9 +21,9 @@ use crate::map::tiles::Tile;
 use crate::scan::{self, Scan};
 
 /// Bit of a texel on the near side of a jump.
-const NEAR: i32 = 1;
+pub const NEAR: i32 = 1;
 /// Bit of a texel on the far side of a jump.
-const FAR: i32 = 2;
+pub const FAR: i32 = 2;
 /// Bit of a texel that is farther than its neighbors are on average: a corner at which all of the light is seen.
 pub const LIT: i32 = 4;
 
@@ -63,7 +63,7 @@ impl Skins {
     }
 
     /// The square of 16 skins, the first texels of their cells, and which of the two triangles of a cell each is, 0 or 1: `numbers`
-    /// as [`number`] makes them.
+    /// from the list.
     #[inline(always)]
     pub fn place<V: Vpu>(&self, v: &mut V, numbers: V::I32) -> (V::I32, [V::I32; 2], V::I32) {
         let one = v.vset_i32(1);
@@ -208,11 +208,11 @@ impl Kernel for Select {
                     let sides = int!(v, (ends | corner) & both);
                     let skins = v.vicmp_eq_masked(cells, sides, both);
                     let bits = v.kmov_to_scalar(skins);
-                    if let Some(list) = self.list {
-                        if v.branch_any(skins) {
-                            let numbers = number(v, layout, slot, [columns, row], half);
-                            v.vcompress_i32(skins, list, to, numbers);
-                        }
+                    if let Some(list) = self.list
+                        && v.branch_any(skins)
+                    {
+                        let numbers = number(v, layout, slot, [columns, row], half);
+                        v.vcompress_i32(skins, list, to, numbers);
                     }
                     let more = v.s_popcnt(bits);
                     to = scalar!(v, to + more);

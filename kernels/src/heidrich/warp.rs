@@ -8,11 +8,11 @@ use super::skins::{LIT, Skins};
 use crate::columns::{lanes_below, task_range};
 use crate::expression::{each, int, scalar};
 use crate::field;
-use crate::irregular::FACES;
+use crate::irregular::{FACES, FAR};
 use crate::map::cover::on_face;
 use crate::map::layout::{Layout, MapFace, MapSlot};
 use crate::map::tiles::{Boxes, middle};
-use crate::plane::{Vec3, cross, dot, edge_normal, sub};
+use crate::plane::{Vec3, dot, edge_normal};
 use crate::record::{Records, words};
 use crate::segment::Vec2;
 
@@ -298,9 +298,18 @@ pub fn normals<V: Vpu>(v: &mut V, live: V::Mask, [a, b, c]: [Vec3<V>; 3]) -> (V:
     // All who share an edge form its normal from the same end, so that between them no texel is left out.
     let [of_a, minus_of_b, of_c] = [edge_normal(v, b, c), edge_normal(v, a, c), edge_normal(v, a, b)];
     let of_b = each!(axis in [0, 1, 2] => v.vsub(zero, minus_of_b[axis]));
-    let (ab, ac) = (sub(v, b, a), sub(v, c, a));
-    let normal = cross(v, ab, ac);
-    let volume = dot(v, a, normal);
+    // Skins are slivers, and most of them nearly edge-on: of the products of a corner and the normal across from it, which are all the
+    // volume, the one with the smallest terms has the most digits. It is that across from the edge of one texel.
+    let mut volume = zero;
+    let mut least = v.vset_f32(FAR);
+    for (corner, normal) in [(a, of_a), (b, of_b), (c, of_c)] {
+        let product = dot(v, corner, normal);
+        let sizes = each!(of in [corner, normal] => each!(axis in [0, 1, 2] => v.vabs(of[axis])));
+        let size = dot(v, sizes[0], sizes[1]);
+        let smaller = v.vcmp_lt(size, least);
+        volume = v.vblend_f32(smaller, product, volume);
+        least = v.vmin(size, least);
+    }
     let turned = v.vcmp_lt(volume, zero);
     let size = v.vabs(volume);
     let seen = v.vcmp_gt_masked(live, size, zero);

@@ -122,7 +122,7 @@ impl DepthMap {
         (texel, layout.word(v, places.slot, texel))
     }
 
-    /// Reciprocal depths of texels, and which of them hide the receivers of `live` from the middle of the light. A texel beyond
+    /// Reciprocal depths of texels, and which of them hide the receivers of `live` from the point that the map is seen from. A texel beyond
     /// the border of the square is the nearest on it.
     #[inline(always)]
     pub fn look<V: Vpu>(

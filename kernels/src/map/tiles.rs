@@ -173,6 +173,30 @@ impl Tiles {
         each!(after in [0, 1] => v.s_load(self.lists.starts.plus_words(after), list))
     }
 
+    /// Which of the 16 items from `item` on may cover texels of the rows `first..=last` of a tile, counted from its first.
+    #[inline(always)]
+    pub fn in_rows<V: Vpu>(
+        &self,
+        v: &mut V,
+        tile: &Tile<V>,
+        live: V::Mask,
+        item: V::S32,
+        [first, last]: [V::S32; 2],
+    ) -> V::Mask {
+        let none = v.vset_i32(0);
+        let start = v.s_imm(0);
+        let numbers = v.vload_i32_or(none, live, self.items, item);
+        let (base, at) = self.boxes.at(v, tile.slot, 1, start);
+        let at = v.vsplat(at);
+        let at = int!(v, at + numbers);
+        let words = v.vgather_i32_or(none, live, base, at);
+        let (half, low_half) = (v.vset_i32(16), v.vset_i32(0xffff));
+        let [low, high] = [int!(v, words & low_half), int!(v, words >> half)];
+        let [first, last] = [tile.row(v, first), tile.row(v, last)];
+        let begins = v.vicmp_ge_masked(live, last, low);
+        v.vicmp_ge_masked(begins, high, first)
+    }
+
     /// The thing that an item stands for.
     #[inline(always)]
     pub fn number<V: Vpu>(&self, v: &mut V, item: V::S32) -> V::S32 {
