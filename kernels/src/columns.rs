@@ -88,6 +88,12 @@ pub fn lower<V: Vpu>(v: &mut V, a: V::S32, b: V::S32) -> V::S32 {
     if v.branch(Compare::Less, a, b) { a } else { b }
 }
 
+/// The higher of two scalars.
+#[inline(always)]
+pub fn higher<V: Vpu>(v: &mut V, a: V::S32, b: V::S32) -> V::S32 {
+    if v.branch(Compare::Less, a, b) { b } else { a }
+}
+
 /// First and end of task `task` of `size` items each, out of `count`.
 #[inline(always)]
 pub fn task_range<V: Vpu>(v: &mut V, task: V::S32, size: u32, count: u32) -> (V::S32, V::S32) {

@@ -6,7 +6,8 @@
 //! shadow_map/  depth map of the light and percentage-closer filtering (Williams 1978, Reeves 1987)
 //! pcss/        percentage-closer soft shadows (Fernando 2005)
 //! penumbra_map/ penumbra maps (Wyman and Hansen 2003)
-//! micro_patches/ soft shadow maps by micro-patches (Atty et al. 2006)
+//! heidrich/    soft shadow maps for linear lights (Heidrich et al. 2000)
+//! atty/         soft shadow maps by micro-patches (Atty et al. 2006)
 //! raytrace/    distribution ray tracing (Cook et al. 1984)
 //! irregular/   what methods with an irregular shadow map share: grid, bin, raster
 //! map/         what methods with a regular shadow map share: layout, tiles, draw, look
@@ -38,6 +39,7 @@ pub mod sism;
 pub mod shadow_map;
 pub mod pcss;
 pub mod penumbra_map;
-pub mod micro_patches;
+pub mod heidrich;
+pub mod atty;
 pub mod raytrace;
 pub mod sintorn;

@@ -57,13 +57,14 @@ pub(crate) fn read(visibility: Addr, input: &ShadowInput, arena: &Arena) -> Vec<
 }
 
 /// All methods; the first is the one that runs where users name none.
-pub static METHODS: [&dyn Method; 8] = [
+pub static METHODS: [&dyn Method; 9] = [
     &crate::sism::Sism,
     &crate::sism::Hard,
     &crate::shadow_map::ShadowMap,
     &crate::pcss::Pcss,
     &crate::penumbra_map::PenumbraMap,
-    &crate::micro_patches::MicroPatches,
+    &crate::heidrich::Heidrich,
+    &crate::atty::Atty,
     &crate::raytrace::Raytrace,
     &crate::sintorn::Sintorn,
 ];

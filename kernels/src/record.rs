@@ -164,6 +164,13 @@ impl<V: Vpu, R> Record<V, R> {
         each!(axis in [0, 1, 2] => self.float(v, field.at(axis)))
     }
 
+    /// Component `number` of a field that has three, in every lane. One scalar addition, one broadcast load.
+    #[inline(always)]
+    pub fn component(self, v: &mut V, field: Field<R, [f32; 3]>, number: V::S32) -> V::F32 {
+        let index = v.s_add(self.index, number);
+        v.vbroadcast_f32(self.records.field(field.at(0)), index)
+    }
+
     /// A field of the record that is an integer, as a scalar. One scalar load.
     #[inline(always)]
     pub fn scalar(self, v: &mut V, field: Field<R, i32>) -> V::S32 {

@@ -34,9 +34,47 @@ pub struct Edge {
     pub ends: [u32; 2],
 }
 
+/// A point that a frame is seen from, light-centred: the middle of the light, or another point of it.
+#[derive(Clone, Copy, Default)]
+pub struct Viewpoint(Option<[f32; 3]>);
+
+impl Viewpoint {
+    /// The point at `place`.
+    pub fn at(place: [f32; 3]) -> Viewpoint {
+        Viewpoint(Some(place))
+    }
+
+    /// The vector that leads from `other` to this point.
+    pub fn from(self, other: Viewpoint) -> [f32; 3] {
+        let [a, b] = [self, other].map(|point| point.0.unwrap_or_default());
+        [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+    }
+
+    /// 16 points as seen from here. The middle of the light is where points are seen from anyway, which costs nothing.
+    ///
+    /// A point that lies here has no direction: it is left where it is seen from the middle.
+    #[inline(always)]
+    pub fn see<V: Vpu>(self, v: &mut V, live: V::Mask, point: Vec3<V>) -> Vec3<V> {
+        let Some(place) = self.0 else { return point };
+        let from_here = each!(axis in [0, 1, 2] => {
+            let place = v.vset_f32(place[axis]);
+            v.vsub(point[axis], place)
+        });
+        let mut apart = v.mask_none();
+        let zero = v.vset_f32(0.0);
+        for along in from_here {
+            let along = v.vcmp_neq_masked(live, along, zero);
+            apart = v.kor(apart, along);
+        }
+        each!(axis in [0, 1, 2] => v.vblend_f32(apart, from_here[axis], point[axis]))
+    }
+}
+
 /// Vertices, triangles and edges of a frame.
 #[derive(Clone, Copy)]
 pub struct Scene {
+    /// Where the scene is seen from: [`Scene::positions`] are from there.
+    pub viewpoint: Viewpoint,
     /// Vertices, field by field.
     pub vertices: Columns<Vertex>,
     /// Triangles, field by field.
@@ -80,7 +118,8 @@ impl Scene {
         fill(arena, edge_first, input.edge_first.iter().copied());
         let edge_faces = arena.overwritten(input.edge_faces.len() as u64);
         fill(arena, edge_faces, input.edge_faces.iter().copied());
-        Scene { vertices, triangles, triangle_count, edges, edge_count, edge_first, edge_faces }
+        let viewpoint = Viewpoint::default();
+        Scene { viewpoint, vertices, triangles, triangle_count, edges, edge_count, edge_first, edge_faces }
     }
 
     /// Copies the geometry of a frame into the arena for a method to which triangles that the light is cut by are as any others.
@@ -94,14 +133,20 @@ impl Scene {
         scene
     }
 
-    /// Positions of 16 vertices.
+    /// The same scene as seen from `viewpoint`.
+    pub fn seen_from(self, viewpoint: Viewpoint) -> Scene {
+        Scene { viewpoint, ..self }
+    }
+
+    /// Positions of 16 vertices, from the viewpoint.
     #[inline(always)]
     pub fn positions<V: Vpu>(&self, v: &mut V, live: V::Mask, vertex: V::I32) -> Vec3<V> {
         let zero = v.vset_f32(0.0);
-        each!(axis in [0, 1, 2] => {
+        let point = each!(axis in [0, 1, 2] => {
             let column = self.vertices.column(field!(Vertex.position[axis]));
             v.vgather_f32_or(zero, live, column, vertex)
-        })
+        });
+        self.viewpoint.see(v, live, point)
     }
 }
 

@@ -78,7 +78,7 @@ impl Kernel for TaskBounds {
         let of_lanes = |face: usize, bound: usize| self.of_lanes.field(field!(LaneBounds.least[face][bound]));
         while v.branch(Compare::Less, i, end) {
             let live = lanes_below(v, i, end);
-            let p = load_positions(v, &constants, self.receivers.columns, live, i);
+            let p = load_positions(v, &constants, &self.receivers, live, i);
             let (face, x, y, depth) = project(v, &constants, p);
             let minus = [v.vsub(zero, x), v.vsub(zero, y), v.vsub(zero, depth)];
             let values = [x, minus[0], y, minus[1], depth, minus[2]];

@@ -9,7 +9,7 @@ use lrbsim_isa::{Kernel, Runner, Step, Stopped, Vpu, math};
 
 use super::bounds::FaceBounds;
 use super::primitives::{Form, LightConstants, POSITION_SLACK};
-use super::receivers::Receiver;
+use super::receivers::{Receiver, Receivers};
 use super::{BIN_CELLS, CHILDREN, FACES, SLICES};
 use crate::columns::{Columns, store_first};
 use crate::expression::{each, int, scalar};
@@ -344,20 +344,21 @@ impl<V: Vpu> Constants<V> {
     }
 }
 
-/// Positions of the 16 receivers from `i` on; asks for those of the next vector.
+/// Positions of the 16 receivers from `i` on, from their viewpoint; asks for those of the next vector.
 #[inline(always)]
 pub(crate) fn load_positions<V: Vpu>(
     v: &mut V,
     constants: &Constants<V>,
-    receivers: Columns<Receiver>,
+    receivers: &Receivers,
     live: V::Mask,
     i: V::S32,
 ) -> Vec3<V> {
-    each!(axis in [0, 1, 2] => {
-        let column = receivers.column(field!(Receiver.position[axis]));
+    let point = each!(axis in [0, 1, 2] => {
+        let column = receivers.columns.column(field!(Receiver.position[axis]));
         v.prefetch_l1(column.plus_lines(1), i);
         v.vload_f32_or(constants.one, live, column, i)
-    })
+    });
+    receivers.viewpoint.see(v, live, point)
 }
 
 /// Face of each point, by its largest component (the first of equal ones), and its image there: x, y, depth.

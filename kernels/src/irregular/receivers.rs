@@ -6,7 +6,7 @@ use lrbsim_workloads::ShadowInput;
 use crate::columns::Columns;
 use crate::field;
 use crate::record::Field;
-use crate::scene::{count_of, fill};
+use crate::scene::{Viewpoint, count_of, fill};
 
 /// A point visible from the eye, one a covered pixel.
 #[repr(C)]
@@ -22,6 +22,8 @@ pub struct Receiver {
 /// The receivers of a frame, along a Hilbert curve through the picture.
 #[derive(Clone, Copy)]
 pub struct Receivers {
+    /// Where the receivers are seen from: kernels look at their places from there.
+    pub viewpoint: Viewpoint,
     /// Receivers, field by field.
     pub columns: Columns<Receiver>,
     /// Number of receivers.
@@ -46,7 +48,12 @@ impl Receivers {
         };
         put(field!(Receiver.triangle), &input.receiver_triangle);
         put(field!(Receiver.pixel), &input.receiver_pixel);
-        Receivers { columns, count }
+        Receivers { viewpoint: Viewpoint::default(), columns, count }
+    }
+
+    /// The same receivers as seen from `viewpoint`.
+    pub fn seen_from(self, viewpoint: Viewpoint) -> Receivers {
+        Receivers { viewpoint, ..self }
     }
 
     /// Tasks of a step that goes through the receivers.

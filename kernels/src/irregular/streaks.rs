@@ -87,7 +87,7 @@ impl Kernel for Histogram {
         let mut i = first;
         while v.branch(Compare::Less, i, end) {
             let live = lanes_below(v, i, end);
-            let p = load_positions(v, &constants, receivers.columns, live, i);
+            let p = load_positions(v, &constants, receivers, live, i);
             let key = faces.key(v, &constants, live, p);
             let turned = v.vpermute(key, below);
             let before = v.vblend_i32(lowest, turned_before, turned);

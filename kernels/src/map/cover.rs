@@ -95,7 +95,7 @@ impl Kernel for Cover {
                 for number in 0..FACES {
                     let this = v.s_imm(number as i32);
                     if v.branch(Compare::Equal, face, this) {
-                        let reach = self.on_face(v, number, corners);
+                        let reach = on_face(v, self.near, number, corners);
                         boxes.store(v, layout, [slot, face], i, counted, reach);
                     }
                 }
@@ -106,47 +106,47 @@ impl Kernel for Cover {
     }
 }
 
-impl Cover {
-    /// What 16 triangles reach of the image plane of a face: from where and to where along both axes.
-    #[inline(always)]
-    fn on_face<V: Vpu>(&self, v: &mut V, face: u32, corners: [Vec3<V>; 3]) -> [Vec2<V>; 2] {
-        let (zero, one) = (v.vset_f32(0.0), v.vset_f32(1.0));
-        let near = v.vset_f32(self.near);
-        let axis = face as usize / 2;
-        let depths = each!(k in [0, 1, 2] => depth(v, face, corners[k]));
-        let ahead = each!(k in [0, 1, 2] => v.vcmp_gt(depths[k], near));
-        let inverse = each!(k in [0, 1, 2] => v.vrcp_or(one, ahead[k], depths[k]));
-        // Where edges pass the nearest depth, as parts of them.
-        let passes = each!(k in [0, 1, 2] => v.kxor(ahead[k], ahead[(k + 1) % 3]));
-        let some = v.kor(passes[0], passes[1]);
-        let some = v.branch_any(some);
-        let parts = each!(k in [0, 1, 2] => {
-            let along = v.vsub(depths[(k + 1) % 3], depths[k]);
-            let along = v.vrcp_or(zero, passes[k], along);
-            let to_near = v.vsub(near, depths[k]);
-            v.vmul(to_near, along)
-        });
-        let (far, minus_far) = (v.vset_f32(FAR), v.vset_f32(-FAR));
-        let per_near = v.vset_f32(1.0 / self.near);
-        let [[low_x, high_x], [low_y, high_y]] = each!(plane_axis in [0, 1] => {
-            let of = (axis + 1 + plane_axis) % 3;
-            let (mut low, mut high) = (far, minus_far);
-            for k in 0..3 {
-                let place = v.vmul(corners[k][of], inverse[k]);
-                low = v.vmin_or(low, ahead[k], low, place);
-                high = v.vmax_or(high, ahead[k], high, place);
-                if some {
-                    let side = v.vsub(corners[(k + 1) % 3][of], corners[k][of]);
-                    let place = v.vmadd(side, parts[k], corners[k][of]);
-                    let place = v.vmul(place, per_near);
-                    low = v.vmin_or(low, passes[k], low, place);
-                    high = v.vmax_or(high, passes[k], high, place);
-                }
+/// What 16 triangles reach of the image plane of a face: from where and to where along both axes.
+///
+/// Nearer than `least` they are cut; where all of a triangle is, it reaches from beyond everything to nowhere.
+#[inline(always)]
+pub fn on_face<V: Vpu>(v: &mut V, least: f32, face: u32, corners: [Vec3<V>; 3]) -> [Vec2<V>; 2] {
+    let (zero, one) = (v.vset_f32(0.0), v.vset_f32(1.0));
+    let near = v.vset_f32(least);
+    let axis = face as usize / 2;
+    let depths = each!(k in [0, 1, 2] => depth(v, face, corners[k]));
+    let ahead = each!(k in [0, 1, 2] => v.vcmp_gt(depths[k], near));
+    let inverse = each!(k in [0, 1, 2] => v.vrcp_or(one, ahead[k], depths[k]));
+    // Where edges pass the nearest depth, as parts of them.
+    let passes = each!(k in [0, 1, 2] => v.kxor(ahead[k], ahead[(k + 1) % 3]));
+    let some = v.kor(passes[0], passes[1]);
+    let some = v.branch_any(some);
+    let parts = each!(k in [0, 1, 2] => {
+        let along = v.vsub(depths[(k + 1) % 3], depths[k]);
+        let along = v.vrcp_or(zero, passes[k], along);
+        let to_near = v.vsub(near, depths[k]);
+        v.vmul(to_near, along)
+    });
+    let (far, minus_far) = (v.vset_f32(FAR), v.vset_f32(-FAR));
+    let per_near = v.vset_f32(1.0 / least);
+    let [[low_x, high_x], [low_y, high_y]] = each!(plane_axis in [0, 1] => {
+        let of = (axis + 1 + plane_axis) % 3;
+        let (mut low, mut high) = (far, minus_far);
+        for k in 0..3 {
+            let place = v.vmul(corners[k][of], inverse[k]);
+            low = v.vmin_or(low, ahead[k], low, place);
+            high = v.vmax_or(high, ahead[k], high, place);
+            if some {
+                let side = v.vsub(corners[(k + 1) % 3][of], corners[k][of]);
+                let place = v.vmadd(side, parts[k], corners[k][of]);
+                let place = v.vmul(place, per_near);
+                low = v.vmin_or(low, passes[k], low, place);
+                high = v.vmax_or(high, passes[k], high, place);
             }
-            [low, high]
-        });
-        [[low_x, low_y], [high_x, high_y]]
-    }
+        }
+        [low, high]
+    });
+    [[low_x, low_y], [high_x, high_y]]
 }
 
 /// Depth of a point on a face.

@@ -70,16 +70,17 @@ impl Kernel for Draw {
 }
 
 /// The axes of a face.
-struct Axes<V: Vpu> {
+pub struct Axes<V: Vpu> {
     /// The two of the image plane, and that of the depth.
-    numbers: [V::S32; 3],
+    pub numbers: [V::S32; 3],
     /// Direction of the depth along its axis: 1 or -1.
-    sign: V::F32,
+    pub sign: V::F32,
 }
 
 impl<V: Vpu> Axes<V> {
+    /// The axes of `face`.
     #[inline(always)]
-    fn new(v: &mut V, face: V::S32) -> Axes<V> {
+    pub fn new(v: &mut V, face: V::S32) -> Axes<V> {
         let depth = scalar!(v, face >> 1);
         let x = next_axis(v, depth);
         let y = next_axis(v, x);

@@ -58,7 +58,7 @@ impl DepthMap {
         let receivers: Columns<Receiver> = self.receivers.columns;
         let constants = Constants::new(v);
         let (zero, one) = (constants.zero, constants.one);
-        let p = load_positions(v, &constants, receivers, live, i);
+        let p = load_positions(v, &constants, &self.receivers, live, i);
         let (face, x, y, depth) = project(v, &constants, p);
         let depth = v.vrcp(depth);
         let faces = self.layout.faces;
@@ -125,7 +125,7 @@ impl DepthMap {
         (texel, layout.word(v, places.slot, texel))
     }
 
-    /// Reciprocal depths of texels, and which of them hide the receivers of `live` from the middle of the light. A texel beyond
+    /// Reciprocal depths of texels, and which of them hide the receivers of `live` from the point that the map is seen from. A texel beyond
     /// the border of the square is the nearest on it.
     #[inline(always)]
     pub fn look<V: Vpu>(

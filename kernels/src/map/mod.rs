@@ -1,5 +1,5 @@
-//! What methods with a regular shadow map share: a picture of the scene from the middle of the light, of one reciprocal depth a
-//! texel (Williams 1978).
+//! What methods with a regular shadow map share: a picture of the scene from the middle of the light, or from another point of it, of one
+//! reciprocal depth a texel (Williams 1978).
 //!
 //! ```text
 //! receivers ─► bounds ─► layout    a square of texels for each of six faces around the light that sees receivers
@@ -56,7 +56,7 @@ pub struct DepthMap {
     pub triangles: Records<TriangleRecord>,
     /// Number of triangles.
     pub triangle_count: u32,
-    /// The receivers that the map is laid out for.
+    /// The receivers that the map is laid out for, and where they and the map are seen from.
     pub receivers: Receivers,
 }
 
@@ -78,7 +78,7 @@ impl DepthMap {
         DepthMap::draw_scene(&scene, receivers, triangles, layout, input.largest, runner)
     }
 
-    /// Draws the map of triangles that have their records. `largest`: the largest coordinate.
+    /// Draws the map of triangles that have their records, from where `scene` and `receivers` are seen. `largest`: the largest coordinate.
     pub fn draw_scene(
         scene: &Scene,
         receivers: Receivers,

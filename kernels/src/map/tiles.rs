@@ -8,7 +8,7 @@ use lrbsim_isa::{Addr, Arena, Compare, Kernel, Runner, Step, Stopped, Vpu};
 
 use super::layout::{Layout, MapFace, MapSlot};
 use crate::clear;
-use crate::columns::{lanes_below, lower, take_lane, task_range};
+use crate::columns::{higher, lanes_below, lower, take_lane, task_range};
 use crate::expression::{each, int, scalar};
 use crate::field;
 use crate::lists::Lists;
@@ -85,8 +85,22 @@ impl Boxes {
         [slot, face]: [V::S32; 2],
         number: V::S32,
         covers: V::Mask,
-        [low, high]: [Vec2<V>; 2],
+        reach: [Vec2<V>; 2],
     ) {
+        let (covers, ranges) = Boxes::ranges(v, layout, face, covers, reach);
+        self.put(v, slot, number, covers, ranges);
+    }
+
+    /// The texels that 16 things may cover on the square of `face`, the first and the last along each axis: those in `covers` reach from
+    /// `low` to `high` on the image plane. Which of them do not lie beside the square.
+    #[inline(always)]
+    pub fn ranges<V: Vpu>(
+        v: &mut V,
+        layout: &Layout,
+        face: V::S32,
+        covers: V::Mask,
+        [low, high]: [Vec2<V>; 2],
+    ) -> (V::Mask, [[V::I32; 2]; 2]) {
         let (zero, one) = (v.vset_f32(0.0), v.vset_f32(1.0));
         let last = v.vset_f32((layout.used - 1) as f32);
         let mut covers = covers;
@@ -112,6 +126,20 @@ impl Boxes {
             let high = v.vmin(high, last);
             [v.vcvt_f32_i32(low), v.vcvt_f32_i32(high)]
         });
+        (covers, ranges)
+    }
+
+    /// Stores the boxes of the 16 things from `number` on, on the square `slot`: those in `covers` may cover these texels, the others
+    /// none.
+    #[inline(always)]
+    pub fn put<V: Vpu>(
+        &self,
+        v: &mut V,
+        slot: V::S32,
+        number: V::S32,
+        covers: V::Mask,
+        ranges: [[V::I32; 2]; 2],
+    ) {
         let half = v.vset_i32(16);
         let none = v.vset_i32(NONE);
         let all = v.mask_all();
@@ -176,6 +204,30 @@ impl Tiles {
         scalar!(v, (row << { self.layout.tiles_log2() as i32 }) + column)
     }
 
+    /// Which of the 16 items from `item` on may cover texels of the rows `first..=last` of a tile, counted from its first.
+    #[inline(always)]
+    pub fn in_rows<V: Vpu>(
+        &self,
+        v: &mut V,
+        tile: &Tile<V>,
+        live: V::Mask,
+        item: V::S32,
+        [first, last]: [V::S32; 2],
+    ) -> V::Mask {
+        let none = v.vset_i32(0);
+        let start = v.s_imm(0);
+        let numbers = v.vload_i32_or(none, live, self.items, item);
+        let (base, at) = self.boxes.at(v, tile.slot, 1, start);
+        let at = v.vsplat(at);
+        let at = int!(v, at + numbers);
+        let words = v.vgather_i32_or(none, live, base, at);
+        let (half, low_half) = (v.vset_i32(16), v.vset_i32(0xffff));
+        let [low, high] = [int!(v, words & low_half), int!(v, words >> half)];
+        let [first, last] = [tile.row(v, first), tile.row(v, last)];
+        let begins = v.vicmp_ge_masked(live, last, low);
+        v.vicmp_ge_masked(begins, high, first)
+    }
+
     /// The thing that an item stands for.
     #[inline(always)]
     pub fn number<V: Vpu>(&self, v: &mut V, item: V::S32) -> V::S32 {
@@ -192,9 +244,8 @@ impl Tiles {
             let word = v.s_load(base, at);
             let first = tile.first[axis];
             let low = scalar!(v, (word & 0xffff) - first);
-            let low = if v.branch(Compare::Less, low, nothing) { nothing } else { low };
             let high = scalar!(v, (word >> 16) - first);
-            [low, lower(v, high, last)]
+            [higher(v, low, nothing), lower(v, high, last)]
         })
     }
 }
@@ -283,6 +334,25 @@ impl<V: Vpu> Tile<V> {
         v.vmadd(texels, self.unit[axis], self.origin[axis])
     }
 
+    /// The rectangle of the image plane that `rows` rows of its texels cover, from `y` on, which is counted from the tile's first: its
+    /// middle, and half of its sides.
+    #[inline(always)]
+    pub fn rectangle(&self, v: &mut V, layout: &Layout, y: V::S32, rows: u32) -> (Vec2<V>, Vec2<V>) {
+        let halves = each!(axis in [0, 1] => {
+            let texels = [1 << layout.tile_log2, rows][axis];
+            let half = v.vset_f32(0.5 * texels as f32);
+            v.vmul(self.unit[axis], half)
+        });
+        let first_x = v.vsplat(self.first[0]);
+        let firsts = [first_x, self.row(v, y)];
+        let middle = each!(axis in [0, 1] => {
+            let first = v.vcvt_i32_f32(firsts[axis]);
+            let low = v.vmadd(first, self.unit[axis], self.origin[axis]);
+            v.vadd(low, halves[axis])
+        });
+        (middle, halves)
+    }
+
     /// The word of the texel at (x, y), which are counted from the tile's first.
     #[inline(always)]
     pub fn word(&self, v: &mut V, layout: &Layout, x: V::S32, y: V::S32) -> V::S32 {
@@ -293,7 +363,7 @@ impl<V: Vpu> Tile<V> {
 
 /// Where the middles of texels lie on the image plane, along one axis.
 #[inline(always)]
-pub(super) fn middle<V: Vpu>(v: &mut V, texel: V::I32, unit: V::F32, origin: V::F32) -> V::F32 {
+pub fn middle<V: Vpu>(v: &mut V, texel: V::I32, unit: V::F32, origin: V::F32) -> V::F32 {
     let half = v.vset_f32(0.5);
     let texel = v.vcvt_i32_f32(texel);
     let texel = v.vadd(texel, half);

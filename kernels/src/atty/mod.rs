@@ -42,7 +42,7 @@ mod blend;
 mod look;
 
 /// Soft shadow maps by micro-patches, as a method among others.
-pub struct MicroPatches;
+pub struct Atty;
 
 const PATCHES: Phase = Phase { id: "patches", title: "penumbras of micro-patches", in_paper_total: false };
 const BLEND: Phase = Phase { id: "blend", title: "soft shadow map", in_paper_total: false };
@@ -57,10 +57,10 @@ const SOFT_TILES: u32 = 16;
 /// Tiles of a side of an occluder map at most.
 const OCCLUDER_TILES: u32 = 32;
 
-impl Method for MicroPatches {
+impl Method for Atty {
     fn entry(&self) -> Entry {
         Entry {
-            name: "micro-patches",
+            name: "atty",
             about: "soft shadow maps by micro-patches (Atty et al. 2006): rectangular lights alone",
             options: &[
                 OptionSpec {
@@ -150,7 +150,7 @@ impl Method for MicroPatches {
             return None;
         }
         Some(format!(
-            "`micro-patches` projects patches on a rectangle, and this light is a {}; it must be a rectangle, as \
+            "`atty` projects patches on a rectangle, and this light is a {}; it must be a rectangle, as \
              `\"kind\": \"rect\"` is",
             shape.name()
         ))

@@ -77,7 +77,7 @@ impl Kernel for Look {
         let faces = layout.faces;
         while v.branch(Compare::Less, i, end) {
             let live = lanes_below(v, i, end);
-            let p = load_positions(v, &constants, receivers.columns, live, i);
+            let p = load_positions(v, &constants, receivers, live, i);
             let (face, x, y, _) = project(v, &constants, p);
             let seen = v.vicmp_ge_masked(live, face, constants.whole[FIRST_FACE]);
             let slot = v.vgather_i32_or(none, seen, faces.column(field!(MapFace.slot)), face);

@@ -9,8 +9,8 @@ use common::{
     same_on_all_back_ends, shipped,
 };
 use lrbsim_isa::{Arena, HostSimd, Phase, Runner, Step, VECTOR_REGISTERS, Vpu};
+use lrbsim_kernels::atty::{Atty, geometry};
 use lrbsim_kernels::method::Method;
-use lrbsim_kernels::micro_patches::{MicroPatches, geometry};
 use lrbsim_workloads::glam::{DVec2, DVec3};
 use lrbsim_workloads::reference::ErrorMetrics;
 use lrbsim_workloads::{Adjacency, EyeView, Light, Mesh, ShadowInput, load_scene};
@@ -207,8 +207,7 @@ fn hits_ball(center: DVec3, radius: f64, p: DVec3, along: DVec3) -> bool {
 
 /// Draws with these options; the error in Atty's metric beside `truth`.
 fn error(options: &str, input: &ShadowInput, truth: &[f64]) -> f64 {
-    let drawn: Vec<f64> =
-        draw(&MicroPatches, options, input, on()).visibility.into_iter().map(f64::from).collect();
+    let drawn: Vec<f64> = draw(&Atty, options, input, on()).visibility.into_iter().map(f64::from).collect();
     ErrorMetrics::new(truth, &drawn).atty_mae
 }
 
@@ -358,7 +357,7 @@ fn neighbors_gape_by_equation_1() {
     plates.positions.extend(&deeper.positions);
     plates.triangles.extend(deeper.triangles.iter().map(|t| t.map(|v| v + first)));
     let (input, points) = over_floor(plates, square(width));
-    let drawn = draw(&MicroPatches, &format!("size=128,ssm={TEXELS},margin=0"), &input, on()).visibility;
+    let drawn = draw(&Atty, &format!("size=128,ssm={TEXELS},margin=0"), &input, on()).visibility;
     let most = geometry::overlap_from(depth, FLOOR, width);
     let mut gapes = 0;
     for (point, visible) in points.iter().zip(drawn) {
@@ -384,11 +383,8 @@ fn floats_of_16_bits_lose_what_the_table_says() {
         [(48, 0.0002, 0.007), (96, 0.005, 0.012), (200, 0.019, 0.056), (400, 0.025, 0.34), (800, 0.35, 0.45)]
     {
         let options = |blend| format!("size={size},ssm={TEXELS},margin=0,blend={blend}");
-        let fixed: Vec<f64> = draw(&MicroPatches, &options("fixed"), &input, on())
-            .visibility
-            .into_iter()
-            .map(f64::from)
-            .collect();
+        let fixed: Vec<f64> =
+            draw(&Atty, &options("fixed"), &input, on()).visibility.into_iter().map(f64::from).collect();
         let [f32, f16, cut] =
             ["f32", "f16", "f16-truncating"].map(|blend| error(&options(blend), &input, &fixed));
         println!(
@@ -408,14 +404,14 @@ fn floats_of_16_bits_lose_what_the_table_says() {
 
 /// What the method warns of.
 fn warnings(options: &str, input: &ShadowInput) -> Vec<String> {
-    let options = MicroPatches.entry().options(options).expect("the method takes these");
+    let options = Atty.entry().options(options).expect("the method takes these");
     let mut arena = Arena::new();
     let mut run = |_: &Phase, step: &Step, arena: &mut Arena| {
         run_step(step, arena, on());
         Ok(())
     };
     let mut runner = Runner::new(&mut arena, &mut run);
-    MicroPatches.run(&options, input, &mut runner).expect("nothing stops it");
+    Atty.run(&options, input, &mut runner).expect("nothing stops it");
     runner.warnings
 }
 
@@ -640,7 +636,7 @@ fn random_scenes_are_those_of_a_model_in_f64() {
         ] {
             let Setting { size, soft, passes, tangent, margin } = setting;
             let options = format!("size={size},ssm={soft},passes={passes},tangent={tangent},margin={margin}");
-            let ours = draw(&MicroPatches, &options, &input, on()).visibility;
+            let ours = draw(&Atty, &options, &input, on()).visibility;
             for (i, (ours, model)) in ours.iter().zip(model.visibility(setting)).enumerate() {
                 let ours = f64::from(*ours);
                 all += 1;
@@ -662,13 +658,13 @@ fn random_scenes_are_those_of_a_model_in_f64() {
 fn the_order_of_triangles_and_receivers_changes_nothing() {
     let (mesh, light, receivers) = random_room(3);
     let options = "size=64,ssm=48,passes=2";
-    let first = draw(&MicroPatches, options, &input(mesh.clone(), light, &receivers), on()).visibility;
+    let first = draw(&Atty, options, &input(mesh.clone(), light, &receivers), on()).visibility;
     let mut other = mesh;
     other.triangles.reverse();
     let last = other.triangles.len() as u32 - 1;
     let turned = receivers.iter().rev().map(|&(p, own)| (p, if own == u32::MAX { own } else { last - own }));
     let turned: Vec<(DVec3, u32)> = turned.collect();
-    let mut second = draw(&MicroPatches, options, &input(other, light, &turned), on()).visibility;
+    let mut second = draw(&Atty, options, &input(other, light, &turned), on()).visibility;
     second.reverse();
     assert!(first.iter().any(|x| *x < 0.9));
     assert_eq!(first, second);
@@ -686,16 +682,16 @@ fn under_rectangle(name: &str, size: (u32, u32), half: f64) -> ShadowInput {
 #[test]
 fn pictures_are_the_same_on_all_back_ends_and_tasks_are_short() {
     let input = under_rectangle("tiny", (120, 90), 0.25);
-    same_on_all_back_ends(&MicroPatches, "size=128,ssm=128,passes=2", &input);
+    same_on_all_back_ends(&Atty, "size=128,ssm=128,passes=2", &input);
     for blend in ["f32", "f16", "f16-truncating"] {
-        same_on_all_back_ends(&MicroPatches, &format!("size=100,ssm=64,blend={blend}"), &input);
+        same_on_all_back_ends(&Atty, &format!("size=100,ssm=64,blend={blend}"), &input);
     }
-    same_on_all_back_ends(&MicroPatches, "size=64,ssm=512,extent=occluder", &input);
+    same_on_all_back_ends(&Atty, "size=64,ssm=512,extent=occluder", &input);
     // Every patch reaches the whole map.
     let input = under_rectangle("tiny", (120, 90), 4.0);
-    same_on_all_back_ends(&MicroPatches, "size=32,ssm=256", &input);
-    same_on_all_back_ends(&MicroPatches, "size=64,ssm=64,blend=f16-truncating,extent=occluder", &input);
-    same_on_all_back_ends(&MicroPatches, "size=16,ssm=512", &input);
+    same_on_all_back_ends(&Atty, "size=32,ssm=256", &input);
+    same_on_all_back_ends(&Atty, "size=64,ssm=64,blend=f16-truncating,extent=occluder", &input);
+    same_on_all_back_ends(&Atty, "size=16,ssm=512", &input);
 }
 
 #[test]
@@ -704,7 +700,7 @@ fn kernels_fit_the_registers() {
     // The records of triangles, which all methods share, take one more than there are.
     let most = VECTOR_REGISTERS + 1;
     for options in ["size=128,ssm=128,passes=2", "size=64,ssm=64,blend=f16-truncating,extent=occluder"] {
-        for (step, figures) in draw(&MicroPatches, options, &input, On::Recording(HostSimd::detect())).steps {
+        for (step, figures) in draw(&Atty, options, &input, On::Recording(HostSimd::detect())).steps {
             println!("{step:18} {} live vectors", figures.live_vectors_max);
             assert!(figures.live_vectors_max <= most, "{step}: {} live vectors", figures.live_vectors_max);
         }
@@ -723,24 +719,23 @@ fn what_no_map_sees_is_lit() {
         .chain([center + across * 0.1 + half_u.normalize()])
         .map(|p| (p, u32::MAX))
         .collect();
-    let visible =
-        draw(&MicroPatches, "size=64,ssm=32", &input(mesh.clone(), light, &in_plane), on()).visibility;
+    let visible = draw(&Atty, "size=64,ssm=32", &input(mesh.clone(), light, &in_plane), on()).visibility;
     assert!(visible.iter().all(|x| *x == 1.0), "{visible:?}");
     let mut nobody = input(mesh.clone(), light, &in_plane);
     nobody.receivers.clear();
     nobody.receiver_triangle.clear();
     nobody.receiver_pixel.clear();
-    assert!(draw(&MicroPatches, "size=64,ssm=32,passes=2", &nobody, on()).visibility.is_empty());
+    assert!(draw(&Atty, "size=64,ssm=32,passes=2", &nobody, on()).visibility.is_empty());
     // Nothing that shadows could fall on, and nothing that throws them.
     let behind = [(center + across * 3.0, u32::MAX)];
     for least in ["receivers=0", "receivers=1"] {
         for blend in ["fixed", "f16"] {
             let options = format!("size=64,ssm=32,passes=2,blend={blend},{least}");
-            draw(&MicroPatches, &options, &input(mesh.clone(), light, &behind), on());
+            draw(&Atty, &options, &input(mesh.clone(), light, &behind), on());
         }
     }
     let alone = input(mesh, light, &behind);
-    assert_eq!(draw(&MicroPatches, "size=64,ssm=32,receivers=0", &alone, on()).visibility, [1.0]);
+    assert_eq!(draw(&Atty, "size=64,ssm=32,receivers=0", &alone, on()).visibility, [1.0]);
 }
 
 /// Nearly a point: shadows are those of whole texels, nothing is NaN.
@@ -751,8 +746,7 @@ fn a_light_of_hardly_any_width_throws_hard_shadows() {
         let (input, points) =
             over_floor(plate([DVec2::splat(-half), DVec2::splat(half)], 2.0), square(width));
         for options in ["size=128,passes=2", "size=128,blend=f16"] {
-            let drawn =
-                draw(&MicroPatches, &format!("{options},ssm={TEXELS},margin=0"), &input, on()).visibility;
+            let drawn = draw(&Atty, &format!("{options},ssm={TEXELS},margin=0"), &input, on()).visibility;
             for (p, visible) in points.iter().zip(drawn) {
                 let expected = if p.x.abs().max(p.y.abs()) < 2.0 * half { 0.0 } else { 1.0_f32 };
                 // A receiver is in the middle of a texel but for rounding, and looks between this one and the next.
@@ -781,7 +775,7 @@ fn every_valid_nasty_mesh_gives_visibilities() {
         };
         let input = ShadowInput::new(&scene, &Adjacency::new(&scene.mesh), &eye);
         for options in ["size=64,ssm=32,passes=2,receivers=0.9", "size=50,ssm=64,blend=f16,receivers=0.1"] {
-            draw(&MicroPatches, options, &input, on());
+            draw(&Atty, options, &input, on());
         }
         seen += 1;
     }

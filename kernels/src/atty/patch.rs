@@ -152,7 +152,7 @@ pub(super) fn patches(
     let boxes = Boxes::new(runner.arena, &floor.layout, count).in_tasks_of(SORT);
     let kernel = MakePatches { layout: *layout, texels, floor: *floor, halves, extent, records, boxes };
     // SAFETY: each task writes the patches and the boxes of the texels of its own tile.
-    runner.run(&unsafe { Step::independent("micro-patches", layout.tile_count(), kernel) })?;
+    runner.run(&unsafe { Step::independent("atty", layout.tile_count(), kernel) })?;
     let tiles = Tiles::sort(boxes, &floor.layout, ["patch counts", "patch lists"], runner)?;
     Ok(Patches { records, square_log2, tiles })
 }

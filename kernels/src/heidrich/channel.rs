@@ -1,0 +1,253 @@
+//! The visibility channel of a map: skins of a neighboring sample, drawn on what the map shows.
+
+#![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
+
+use lrbsim_isa::{Addr, Compare, Kernel, Runner, Step, Stopped, Vpu, math};
+
+use super::warp::{self, SkinRecord, meets};
+use crate::columns::{higher, lanes_below, lower, take_lane};
+use crate::expression::{each, int, scalar};
+use crate::field;
+use crate::map::DepthMap;
+use crate::map::draw::Axes;
+use crate::map::tiles::{Tile, Tiles};
+use crate::plane::dot;
+use crate::record::{Record, Records};
+
+/// What the channel has where no skin lies over the texel: more than all of the light.
+pub const NO_SKIN: f32 = 2.0;
+
+/// Rows of a tile that are a task of their own, by their logarithm. Skins of all depths meet where a sample sees its neighbor, and lie
+/// over one tile there, which would be a long task.
+const ROWS_LOG2: u32 = 2;
+
+/// How visibility is interpolated between the corners of a skin.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Interpolation {
+    /// Linearly on the image plane of the map that the skin is drawn on, which is right where light and surface are parallel to it
+    /// [algorithms, 3.3].
+    Affine,
+    /// Linearly on the skin itself, as rasterizers do.
+    Perspective,
+}
+
+/// Draws a channel of `map`. `near`: the least depth.
+pub(super) fn draw(
+    map: &DepthMap,
+    skins: Records<SkinRecord>,
+    tiles: &Tiles,
+    interpolation: Interpolation,
+    near: f32,
+    runner: &mut Runner<'_>,
+) -> Result<Addr, Stopped> {
+    let channel = runner.arena.overwritten(map.layout.texel_count());
+    let bands_log2 = map.layout.tile_log2 - ROWS_LOG2;
+    let kernel = Draw { map: *map, skins, tiles: *tiles, interpolation, near, channel };
+    // SAFETY: each task writes the texels of its own band of a tile.
+    runner.run(&unsafe { Step::independent("draw skins", map.layout.tile_count() << bands_log2, kernel) })?;
+    Ok(channel)
+}
+
+/// Draws the skins of a band of a tile: the darkest stays.
+///
+/// Light is seen from this sample on up to the first thing that hides some of it: of several skins over one point the darkest tells
+/// how much that is, in whatever order they are drawn.
+struct Draw {
+    map: DepthMap,
+    skins: Records<SkinRecord>,
+    tiles: Tiles,
+    interpolation: Interpolation,
+    near: f32,
+    channel: Addr,
+}
+
+/// What makes the weight of a corner that of the interpolation. `depth`: of the corner; `near`: the least depth.
+#[inline(always)]
+pub fn factor<V: Vpu>(v: &mut V, interpolation: Interpolation, depth: V::F32, near: f32) -> V::F32 {
+    match interpolation {
+        Interpolation::Perspective => v.vset_f32(1.0),
+        // A corner that is not ahead is infinitely far on the image plane.
+        Interpolation::Affine => {
+            let near = v.vset_f32(near);
+            v.vmax(depth, near)
+        }
+    }
+}
+
+/// A skin on the image plane of a face.
+pub struct SkinOnFace<V: Vpu> {
+    /// Weights of the corners: of x, of y, and a constant.
+    pub weights: [[V::F32; 3]; 3],
+    /// What makes the sum of the weights a reciprocal depth.
+    pub per_depth: V::F32,
+    /// What makes the weights those of the interpolation.
+    pub factors: [V::F32; 3],
+    /// The same times what is seen of the light at the corners.
+    pub lit: [V::F32; 3],
+}
+
+/// Weights of the corners of a skin on the face with these axes: of x, of y, and a constant.
+#[inline(always)]
+fn weights<V: Vpu>(v: &mut V, skin: Record<V, SkinRecord>, axes: &Axes<V>) -> [[V::F32; 3]; 3] {
+    each!(k in [0, 1, 2] => {
+        let normal = field!(SkinRecord.normals[k]);
+        let [x, y, depth] = each!(axis in [0, 1, 2] => skin.component(v, normal, axes.numbers[axis]));
+        [x, y, v.vmul(depth, axes.sign)]
+    })
+}
+
+impl<V: Vpu> SkinOnFace<V> {
+    /// A skin on the face with these axes, on which its corners have these weights.
+    #[inline(always)]
+    fn new(
+        v: &mut V,
+        skin: Record<V, SkinRecord>,
+        axes: &Axes<V>,
+        weights: [[V::F32; 3]; 3],
+        interpolation: Interpolation,
+        near: f32,
+    ) -> SkinOnFace<V> {
+        let per_depth = skin.float(v, field!(SkinRecord.per_depth));
+        let factors = each!(k in [0, 1, 2] => {
+            let depth = skin.component(v, field!(SkinRecord.corners[k]), axes.numbers[2]);
+            let depth = v.vmul(depth, axes.sign);
+            factor(v, interpolation, depth, near)
+        });
+        let lit = each!(k in [0, 1, 2] => {
+            let lit = skin.float(v, field!(SkinRecord.lit[k]));
+            v.vmul(lit, factors[k])
+        });
+        SkinOnFace { weights, per_depth, factors, lit }
+    }
+
+    /// Weights of the corners at the x of some places, to which those of their y are still to be added.
+    #[inline(always)]
+    pub fn at_x(&self, v: &mut V, x: V::F32) -> [V::F32; 3] {
+        each!(k in [0, 1, 2] => warp::at_x(v, self.weights[k], x))
+    }
+
+    /// Weights of the corners at some places, and which of these the skin covers.
+    #[inline(always)]
+    pub fn at_y(&self, v: &mut V, at_x: [V::F32; 3], y: V::F32) -> ([V::F32; 3], V::Mask) {
+        let zero = v.vset_f32(0.0);
+        let weights = each!(k in [0, 1, 2] => warp::at_y(v, self.weights[k], at_x[k], y));
+        let inside = v.vcmp_ge(weights[0], zero);
+        let inside = v.vcmp_ge_masked(inside, weights[1], zero);
+        (weights, v.vcmp_ge_masked(inside, weights[2], zero))
+    }
+
+    /// Reciprocal depth where the corners have these weights.
+    #[inline(always)]
+    pub fn depth(&self, v: &mut V, [a, b, c]: [V::F32; 3]) -> V::F32 {
+        let sum = v.vadd(a, b);
+        let sum = v.vadd(sum, c);
+        v.vmul(sum, self.per_depth)
+    }
+
+    /// The part of the light that is seen where the corners have these weights.
+    #[inline(always)]
+    pub fn light(&self, v: &mut V, weights: [V::F32; 3]) -> V::F32 {
+        let (zero, one) = (v.vset_f32(0.0), v.vset_f32(1.0));
+        let over = dot(v, weights, self.lit);
+        let under = dot(v, weights, self.factors);
+        let light = math::div(v, over, under);
+        let light = v.vmin(light, one);
+        v.vmax(light, zero)
+    }
+}
+
+impl Kernel for Draw {
+    #[inline(always)]
+    fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
+        let Draw { map, tiles, channel, .. } = self;
+        let bands_log2 = (map.layout.tile_log2 - ROWS_LOG2) as i32;
+        let number = scalar!(v, task >> { bands_log2 });
+        let tile = Tile::new(v, &map.layout, number);
+        let rows = 1 << ROWS_LOG2;
+        let first = scalar!(v, (task & { (1 << bands_log2) - 1 }) << { ROWS_LOG2 as i32 });
+        let end = scalar!(v, first + { rows });
+        let last = scalar!(v, end - 1);
+        let all = v.mask_all();
+        let no_skin = v.vset_f32(NO_SKIN);
+        let nothing = v.s_imm(0);
+        let mut word = tile.word(v, &map.layout, nothing, first);
+        let end = tile.word(v, &map.layout, nothing, end);
+        while v.branch(Compare::Less, word, end) {
+            v.vstore_f32(all, *channel, word, no_skin);
+            word = scalar!(v, word + 16);
+        }
+        let axes = Axes::new(v, tile.face);
+        let (middle, halves) = tile.rectangle(v, &map.layout, first, rows as u32);
+        let [mut item, end] = tiles.items_of(v, &tile);
+        while v.branch(Compare::Less, item, end) {
+            let live = lanes_below(v, item, end);
+            let near = tiles.in_rows(v, &tile, live, item, [first, last]);
+            let mut left = v.kmov_to_scalar(near);
+            while v.branch(Compare::NotEqual, left, nothing) {
+                let lane = take_lane(v, &mut left);
+                let item = scalar!(v, item + lane);
+                let number = tiles.number(v, item);
+                let record = self.skins.record(v, number);
+                let weights = weights(v, record, &axes);
+                // Boxes of skins are wide where these lie aslant: most pass by the rows.
+                let mut reaches = all;
+                for weight in weights {
+                    reaches = meets(v, reaches, weight, middle, halves);
+                }
+                if v.branch_any(reaches) {
+                    let [columns, [low_y, last_y]] = tiles.range(v, &tile, number);
+                    let low_y = higher(v, low_y, first);
+                    let last_y = lower(v, last_y, last);
+                    let skin = SkinOnFace::new(v, record, &axes, weights, self.interpolation, self.near);
+                    self.skin(v, &tile, [columns, [low_y, last_y]], &skin);
+                }
+            }
+            item = scalar!(v, item + 16);
+        }
+    }
+}
+
+impl Draw {
+    /// Draws a skin on the texels of a tile that it may cover, from the first to the last along both axes.
+    #[inline(always)]
+    fn skin<V: Vpu>(
+        &self,
+        v: &mut V,
+        tile: &Tile<V>,
+        [[low_x, last_x], [low_y, last_y]]: [[V::S32; 2]; 2],
+        skin: &SkinOnFace<V>,
+    ) {
+        let Draw { map, channel, .. } = self;
+        let side = 1 << map.layout.tile_log2;
+        let one = v.vset_i32(1);
+        let mut x = scalar!(v, (low_x >> 4) << 4);
+        while v.branch(Compare::LessEqual, x, last_x) {
+            let columns = tile.columns(v, x);
+            let place_x = tile.middle(v, 0, columns);
+            let at_x = skin.at_x(v, place_x);
+            let mut row = tile.row(v, low_y);
+            let mut to = tile.word(v, &map.layout, x, low_y);
+            let mut y = low_y;
+            while v.branch(Compare::LessEqual, y, last_y) {
+                let place_y = tile.middle(v, 1, row);
+                let (weights, inside) = skin.at_y(v, at_x, place_y);
+                if v.branch_any(inside) {
+                    // What lies before the skin hides it.
+                    let depth = skin.depth(v, weights);
+                    let surface = v.vload_f32(map.texels, to);
+                    let seen = v.vcmp_gt_masked(inside, depth, surface);
+                    if v.branch_any(seen) {
+                        let light = skin.light(v, weights);
+                        let before = v.vload_f32(*channel, to);
+                        let after = v.vmin(before, light);
+                        v.vstore_f32(seen, *channel, to, after);
+                    }
+                }
+                row = int!(v, row + one);
+                to = scalar!(v, to + { side });
+                y = scalar!(v, y + 1);
+            }
+            x = scalar!(v, x + 16);
+        }
+    }
+}
