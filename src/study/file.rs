@@ -15,11 +15,13 @@ use crate::json::{self, Spots};
 use crate::settings::distance;
 
 /// Name and text of each shipped study.
-const STUDIES: [(&str, &str); 4] = [
+const STUDIES: [(&str, &str); 6] = [
     ("accuracy", include_str!("../../configs/studies/accuracy.json")),
     ("cores", include_str!("../../configs/studies/cores.json")),
     ("orbit", include_str!("../../configs/studies/orbit.json")),
     ("trade", include_str!("../../configs/studies/trade.json")),
+    ("trade-panel", include_str!("../../configs/studies/trade-panel.json")),
+    ("trade-tube", include_str!("../../configs/studies/trade-tube.json")),
 ];
 
 /// Points that are run without being asked twice.
