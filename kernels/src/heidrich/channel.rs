@@ -4,22 +4,26 @@
 
 use lrbsim_isa::{Addr, Compare, Kernel, Runner, Step, Stopped, Vpu, math};
 
-use super::warp::{self, SkinRecord, meets};
+use super::warp::{self, SkinRecord};
 use crate::columns::{higher, lanes_below, lower, take_lane};
 use crate::expression::{each, int, scalar};
 use crate::field;
 use crate::map::DepthMap;
 use crate::map::draw::Axes;
+use crate::map::layout::MapFace;
 use crate::map::tiles::{Tile, Tiles};
 use crate::plane::dot;
-use crate::record::{Record, Records};
+use crate::record::{Record, Records, words};
 
 /// What the channel has where no skin lies over the texel: more than all of the light.
 pub const NO_SKIN: f32 = 2.0;
 
-/// Rows of a tile that are a task of their own, by their logarithm. Skins of all depths meet where a sample sees its neighbor, and lie
-/// over one tile there, which would be a long task.
-const ROWS_LOG2: u32 = 2;
+/// What f32 makes of where a skin begins and ends along a row, as a part of the sizes of its terms.
+const ROUNDED: f32 = 1e-6;
+
+/// Texels of a task, whole rows of a tile, by their logarithm. Skins of all depths meet where a sample sees its neighbor: thousands of them
+/// may lie over one tile there, which would be a long task.
+const TEXELS_LOG2: u32 = 6;
 
 /// How visibility is interpolated between the corners of a skin.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -41,7 +45,7 @@ pub(super) fn draw(
     runner: &mut Runner<'_>,
 ) -> Result<Addr, Stopped> {
     let channel = runner.arena.overwritten(map.layout.texel_count());
-    let bands_log2 = map.layout.tile_log2 - ROWS_LOG2;
+    let bands_log2 = 2 * map.layout.tile_log2 - TEXELS_LOG2;
     let kernel = Draw { map: *map, skins, tiles: *tiles, interpolation, near, channel };
     // SAFETY: each task writes the texels of its own band of a tile.
     runner.run(&unsafe { Step::independent("draw skins", map.layout.tile_count() << bands_log2, kernel) })?;
@@ -160,12 +164,12 @@ impl Kernel for Draw {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
         let Draw { map, tiles, channel, .. } = self;
-        let bands_log2 = (map.layout.tile_log2 - ROWS_LOG2) as i32;
+        let rows_log2 = (TEXELS_LOG2 - map.layout.tile_log2) as i32;
+        let bands_log2 = map.layout.tile_log2 as i32 - rows_log2;
         let number = scalar!(v, task >> { bands_log2 });
         let tile = Tile::new(v, &map.layout, number);
-        let rows = 1 << ROWS_LOG2;
-        let first = scalar!(v, (task & { (1 << bands_log2) - 1 }) << { ROWS_LOG2 as i32 });
-        let end = scalar!(v, first + { rows });
+        let first = scalar!(v, (task & { (1 << bands_log2) - 1 }) << { rows_log2 });
+        let end = scalar!(v, first + { 1 << rows_log2 });
         let last = scalar!(v, end - 1);
         let all = v.mask_all();
         let no_skin = v.vset_f32(NO_SKIN);
@@ -177,30 +181,23 @@ impl Kernel for Draw {
             word = scalar!(v, word + 16);
         }
         let axes = Axes::new(v, tile.face);
-        let (middle, halves) = tile.rectangle(v, &map.layout, first, rows as u32);
         let [mut item, end] = tiles.items_of(v, &tile);
         while v.branch(Compare::Less, item, end) {
             let live = lanes_below(v, item, end);
-            let near = tiles.in_rows(v, &tile, live, item, [first, last]);
-            let mut left = v.kmov_to_scalar(near);
+            let (near, numbers) = tiles.in_rows(v, &tile, live, item, [first, last]);
+            let covers = self.covers_middles(v, near, numbers, &tile, &axes, [first, last]);
+            let mut left = v.kmov_to_scalar(covers);
             while v.branch(Compare::NotEqual, left, nothing) {
                 let lane = take_lane(v, &mut left);
                 let item = scalar!(v, item + lane);
                 let number = tiles.number(v, item);
                 let record = self.skins.record(v, number);
                 let weights = weights(v, record, &axes);
-                // Boxes of skins are wide where these lie aslant: most pass by the rows.
-                let mut reaches = all;
-                for weight in weights {
-                    reaches = meets(v, reaches, weight, middle, halves);
-                }
-                if v.branch_any(reaches) {
-                    let [columns, [low_y, last_y]] = tiles.range(v, &tile, number);
-                    let low_y = higher(v, low_y, first);
-                    let last_y = lower(v, last_y, last);
-                    let skin = SkinOnFace::new(v, record, &axes, weights, self.interpolation, self.near);
-                    self.skin(v, &tile, [columns, [low_y, last_y]], &skin);
-                }
+                let [columns, [low_y, last_y]] = tiles.range(v, &tile, number);
+                let low_y = higher(v, low_y, first);
+                let last_y = lower(v, last_y, last);
+                let skin = SkinOnFace::new(v, record, &axes, weights, self.interpolation, self.near);
+                self.skin(v, &tile, [columns, [low_y, last_y]], &skin);
             }
             item = scalar!(v, item + 16);
         }
@@ -208,6 +205,80 @@ impl Kernel for Draw {
 }
 
 impl Draw {
+    /// Which of 16 skins in `live` may cover the middle of a texel of the rows `first..=last` of a tile, one skin a lane. Skins are
+    /// slivers: their boxes are wide where they lie aslant, and near the picture of the other sample, where those of all depths
+    /// meet, most of them pass between the middles.
+    #[inline(always)]
+    fn covers_middles<V: Vpu>(
+        &self,
+        v: &mut V,
+        live: V::Mask,
+        numbers: V::I32,
+        tile: &Tile<V>,
+        axes: &Axes<V>,
+        [first, last]: [V::S32; 2],
+    ) -> V::Mask {
+        let layout = &self.map.layout;
+        let zero = v.vset_f32(0.0);
+        let record_words = v.vset_i32(words::<SkinRecord>() as i32);
+        let at = int!(v, numbers * record_words);
+        let at = each!(axis in [0, 1, 2] => {
+            let axis = v.vsplat(axes.numbers[axis]);
+            int!(v, at + axis)
+        });
+        let weights = each!(k in [0, 1, 2] => {
+            let base = self.skins.field(field!(SkinRecord.normals[k][0]));
+            let [x, y, depth] = each!(axis in [0, 1, 2] => v.vgather_f32_or(zero, live, base, at[axis]));
+            [x, y, v.vmul(depth, axes.sign)]
+        });
+        // Along a row the weight of a corner is 0 or more up to a place, or from a place on.
+        let begins = each!(k in [0, 1, 2] => v.vcmp_gt(weights[k][0], zero));
+        let ends = each!(k in [0, 1, 2] => v.vcmp_lt(weights[k][0], zero));
+        let per_slope = each!(k in [0, 1, 2] => {
+            let slopes = v.kor(begins[k], ends[k]);
+            v.vrcp_or(zero, slopes, weights[k][0])
+        });
+        let per_unit = v.vbroadcast_f32(layout.faces.column(field!(MapFace.per_unit[0])), tile.face);
+        let [low, high] = tile.columns_reach(v, layout);
+        let mut covers = v.mask_none();
+        let mut y = first;
+        while v.branch(Compare::LessEqual, y, last) {
+            let row = tile.row(v, y);
+            let place_y = tile.middle(v, 1, row);
+            let (mut from, mut to) = (low, high);
+            for k in 0..3 {
+                let rest = v.vmadd(weights[k][1], place_y, weights[k][2]);
+                let place = v.vmul(rest, per_slope[k]);
+                let place = v.vsub(zero, place);
+                let column = tile.column_of(v, place, per_unit);
+                // What f32 rounds, in columns, and some.
+                let terms = v.vmul(weights[k][1], place_y);
+                let (terms, constant) = (v.vabs(terms), v.vabs(weights[k][2]));
+                let terms = v.vadd(terms, constant);
+                let terms = v.vmul(terms, per_slope[k]);
+                let terms = v.vabs(terms);
+                let terms = v.vmul(terms, per_unit);
+                let (part, least) = (v.vset_f32(ROUNDED), v.vset_f32(0.01));
+                let slack = v.vmadd(terms, part, least);
+                let earlier = v.vsub(column, slack);
+                let later = v.vadd(column, slack);
+                from = v.vmax_or(from, begins[k], from, earlier);
+                to = v.vmin_or(to, ends[k], to, later);
+            }
+            // A middle lies half a column behind a number.
+            let half = v.vset_f32(0.5);
+            let to = v.vsub(to, half);
+            let to = v.vfloor(to);
+            let to = v.vadd(to, half);
+            // What overflows may cover some.
+            let none = v.vcmp_lt(to, from);
+            let some = v.kandn(none, live);
+            covers = v.kor(covers, some);
+            y = scalar!(v, y + 1);
+        }
+        covers
+    }
+
     /// Draws a skin on the texels of a tile that it may cover, from the first to the last along both axes.
     #[inline(always)]
     fn skin<V: Vpu>(

@@ -48,6 +48,9 @@ const LOOK: Phase = Phase { id: "look", title: "shadow and visibility lookup", i
 /// Part of the map's side that lies outside of the receivers on each side, for occluders whose borders shadow those at its border.
 const MARGIN: u32 = 16;
 
+/// Number of skins that a task sorts to tiles: those of wide penumbras lie over many.
+const SORT_TASK: u32 = 64;
+
 impl Method for Heidrich {
     fn entry(&self) -> Entry {
         Entry {
@@ -76,7 +79,7 @@ impl Method for Heidrich {
                         Word { name: "affine", about: "linearly in the picture that the sample has of it" },
                         Word {
                             name: "perspective",
-                            about: "linearly in space, as rasterizers do: too dark, by up to 0.38 of the light",
+                            about: "linearly in space, as rasterizers do: too dark the farther the surface is behind the edge",
                         },
                     ]),
                     default: "affine",
@@ -228,7 +231,8 @@ impl Frame {
         let near = NEAR * self.largest;
         let to_other = other.viewpoint.from(sample.viewpoint);
         let (records, boxes) = warp::warp(&other.skins, to_other, &map.layout, near, runner)?;
-        let tiles = Tiles::sort(boxes, &map.layout, ["skin boxes", "skin tiles"], runner)?;
+        let tiles =
+            Tiles::sort(boxes.in_tasks_of(SORT_TASK), &map.layout, ["skin boxes", "skin tiles"], runner)?;
         channel::draw(map, records, &tiles, self.interpolation, near, runner)
     }
 }

@@ -274,13 +274,7 @@ struct SkinRecordOf<V: Vpu> {
 /// Lanes of `live` in which the weight of a corner, which is linear on the image plane, is 0 or more somewhere on the rectangle about
 /// `middle` that reaches as far as `halves`.
 #[inline(always)]
-pub fn meets<V: Vpu>(
-    v: &mut V,
-    live: V::Mask,
-    weight: [V::F32; 3],
-    middle: Vec2<V>,
-    halves: Vec2<V>,
-) -> V::Mask {
+fn meets<V: Vpu>(v: &mut V, live: V::Mask, weight: [V::F32; 3], middle: Vec2<V>, halves: Vec2<V>) -> V::Mask {
     let zero = v.vset_f32(0.0);
     let mut most = weight[2];
     for axis in 0..2 {

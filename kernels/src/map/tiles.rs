@@ -204,7 +204,8 @@ impl Tiles {
         scalar!(v, (row << { self.layout.tiles_log2() as i32 }) + column)
     }
 
-    /// Which of the 16 items from `item` on may cover texels of the rows `first..=last` of a tile, counted from its first.
+    /// The things that the 16 items from `item` on stand for, and which of them may cover texels of the rows `first..=last` of a tile,
+    /// counted from its first.
     #[inline(always)]
     pub fn in_rows<V: Vpu>(
         &self,
@@ -213,7 +214,7 @@ impl Tiles {
         live: V::Mask,
         item: V::S32,
         [first, last]: [V::S32; 2],
-    ) -> V::Mask {
+    ) -> (V::Mask, V::I32) {
         let none = v.vset_i32(0);
         let start = v.s_imm(0);
         let numbers = v.vload_i32_or(none, live, self.items, item);
@@ -225,7 +226,7 @@ impl Tiles {
         let [low, high] = [int!(v, words & low_half), int!(v, words >> half)];
         let [first, last] = [tile.row(v, first), tile.row(v, last)];
         let begins = v.vicmp_ge_masked(live, last, low);
-        v.vicmp_ge_masked(begins, high, first)
+        (v.vicmp_ge_masked(begins, high, first), numbers)
     }
 
     /// The thing that an item stands for.
@@ -322,6 +323,13 @@ impl<V: Vpu> Tile<V> {
         v.vsplat(texel)
     }
 
+    /// Where places on the image plane lie among the columns of the square: a column begins at its number.
+    #[inline(always)]
+    pub fn column_of(&self, v: &mut V, place: V::F32, per_unit: V::F32) -> V::F32 {
+        let from = v.vsub(place, self.origin[0]);
+        v.vmul(from, per_unit)
+    }
+
     /// Where the middles of `texels` lie on the image plane along `axis`.
     #[inline(always)]
     pub fn middle(&self, v: &mut V, axis: usize, texels: V::I32) -> V::F32 {
@@ -334,23 +342,15 @@ impl<V: Vpu> Tile<V> {
         v.vmadd(texels, self.unit[axis], self.origin[axis])
     }
 
-    /// The rectangle of the image plane that `rows` rows of its texels cover, from `y` on, which is counted from the tile's first: its
-    /// middle, and half of its sides.
+    /// Where its columns begin and end among those of the square.
     #[inline(always)]
-    pub fn rectangle(&self, v: &mut V, layout: &Layout, y: V::S32, rows: u32) -> (Vec2<V>, Vec2<V>) {
-        let halves = each!(axis in [0, 1] => {
-            let texels = [1 << layout.tile_log2, rows][axis];
-            let half = v.vset_f32(0.5 * texels as f32);
-            v.vmul(self.unit[axis], half)
-        });
-        let first_x = v.vsplat(self.first[0]);
-        let firsts = [first_x, self.row(v, y)];
-        let middle = each!(axis in [0, 1] => {
-            let first = v.vcvt_i32_f32(firsts[axis]);
-            let low = v.vmadd(first, self.unit[axis], self.origin[axis]);
-            v.vadd(low, halves[axis])
-        });
-        (middle, halves)
+    pub fn columns_reach(&self, v: &mut V, layout: &Layout) -> Vec2<V> {
+        let first = self.first[0];
+        let end = scalar!(v, first + { 1 << layout.tile_log2 });
+        each!(column in [first, end] => {
+            let column = v.vsplat(column);
+            v.vcvt_i32_f32(column)
+        })
     }
 
     /// The word of the texel at (x, y), which are counted from the tile's first.
