@@ -330,7 +330,7 @@ fn a_plate_whose_edges_lie_between_texels_is_exact_and_others_spike() {
         let mut errors = Vec::new();
         for size in [32, 48, 50, 64, 128, 200, 256, 512] {
             let found = error(&format!("size={size},ssm={TEXELS},margin=0"), &input, &truth);
-            println!("half side {half:.3}, map {size}: {found:.5}");
+            println!("half side {half:.3}, map {size}: {found:.1e}");
             if exact.contains(&size) {
                 // Rounding of positions over the width of the light, and of parts.
                 assert!(found < 2e-5, "{size}: {found}");
