@@ -8,6 +8,7 @@ use common::{
 };
 use lrbsim_isa::HostSimd;
 use lrbsim_kernels::raytrace::Raytrace;
+use lrbsim_kernels::raytrace::trace::tasks_log2;
 use lrbsim_kernels::sism::Sism;
 use lrbsim_workloads::glam::DVec3;
 use lrbsim_workloads::reference::{ErrorMetrics, Truth};
@@ -33,6 +34,17 @@ fn rays_to_a_point_hit_what_they_hit_in_f64() {
         }
     }
     assert!(compared > 5000 && shadowed > 1000, "{shadowed} of {compared}");
+}
+
+#[test]
+fn tasks_have_numbers_however_many_rays_there_are() {
+    assert_eq!([tasks_log2(4800, 1), tasks_log2(4800, 16), tasks_log2(4800, 17)], [0, 4, 5]);
+    for groups in [0, 1, 2, 4_194_304, 1 << 28, u32::MAX >> 1] {
+        for rays in [1, 3, 256, 1024] {
+            let tasks = u64::from(groups) << tasks_log2(groups, rays);
+            assert!(tasks <= u64::from(u32::MAX) >> 1, "{groups} {rays}: {tasks}");
+        }
+    }
 }
 
 #[test]

@@ -144,8 +144,8 @@ pub(super) fn trace(
     resolve(receivers, rays.count, hidden, visibility, runner)
 }
 
-/// Tasks of each of `groups` groups of receivers that have `rays` rays each, by their logarithm.
-fn tasks_log2(groups: u32, rays: u32) -> u32 {
+/// Tasks of each of `groups` groups of receivers that have `rays` rays each, by their logarithm: as many as rays, if all can be numbered.
+pub fn tasks_log2(groups: u32, rays: u32) -> u32 {
     rays.next_power_of_two().ilog2().min(groups.leading_zeros().saturating_sub(1))
 }
 
@@ -373,20 +373,4 @@ fn cross<V: Vpu>(v: &mut V, a: Vec3<V>, b: Vec3<V>) -> Vec3<V> {
         let right = v.vmul(a[k], b[j]);
         v.vmsub(a[j], b[k], right)
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::tasks_log2;
-
-    #[test]
-    fn tasks_have_numbers_however_many_rays_there_are() {
-        assert_eq!([tasks_log2(4800, 1), tasks_log2(4800, 16), tasks_log2(4800, 17)], [0, 4, 5]);
-        for groups in [0, 1, 2, 4_194_304, 1 << 28, u32::MAX >> 1] {
-            for rays in [1, 3, 256, 1024] {
-                let tasks = u64::from(groups) << tasks_log2(groups, rays);
-                assert!(tasks <= u64::from(u32::MAX) >> 1, "{groups} {rays}: {tasks}");
-            }
-        }
-    }
 }
