@@ -154,7 +154,7 @@ mod tests {
             "sism:form=round",
             "sism:colour=red",
             "sism:form",
-            "atty",
+            "wyman",
         ] {
             assert!(text.parse::<Algorithm>().is_err(), "{text}");
         }

@@ -51,7 +51,7 @@ fn an_unknown_name_lists_the_known_ones() {
         &folder,
         &["tiny", "-a", "sism2"],
         &[
-            "`sism2` is no algorithm; it must be `sism`, `hard`, `shadow-map`, `pcss`, `penumbra-map`, `heidrich` or `raytrace`",
+            "`sism2` is no algorithm; it must be `sism`, `hard`, `shadow-map`, `pcss`, `penumbra-map`, `heidrich`, `atty`, `raytrace` or `sintorn`",
         ],
     );
     refused(

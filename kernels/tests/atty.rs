@@ -213,14 +213,16 @@ fn error(options: &str, input: &ShadowInput, truth: &[f64]) -> f64 {
 
 /// Where the ball of the curve stands beside the axis is not told. In the middle, silhouettes fall on texels alike on all sides: a map
 /// of 32 is then off by up to 22 % more, here as in a prototype in f64, and all others by no more than here.
+///
+/// Under larger lights the curve has levelled off at 200; the rest of it takes minutes, and differs by no more.
 #[test]
 fn the_reference_curve_comes_out_within_15_percent() {
     let (center, radius) = (DVec3::new(0.1, 0.0, 2.2), 0.6);
     // By width of the light: map, one pass, two passes [algorithms, 4.7].
-    let curve = [
+    let curve: [(f64, &[(u32, f64, f64)]); 3] = [
         (
             0.1,
-            [
+            &[
                 (32, 0.042, 0.038),
                 (64, 0.018, 0.015),
                 (128, 0.0086, 0.0064),
@@ -229,34 +231,14 @@ fn the_reference_curve_comes_out_within_15_percent() {
                 (512, 0.0062, 0.0040),
             ],
         ),
-        (
-            0.4,
-            [
-                (32, 0.043, 0.032),
-                (64, 0.036, 0.023),
-                (128, 0.034, 0.022),
-                (200, 0.034, 0.021),
-                (256, 0.034, 0.021),
-                (512, 0.034, 0.021),
-            ],
-        ),
-        (
-            0.8,
-            [
-                (32, 0.064, 0.045),
-                (64, 0.062, 0.039),
-                (128, 0.061, 0.039),
-                (200, 0.061, 0.038),
-                (256, 0.061, 0.038),
-                (512, 0.061, 0.038),
-            ],
-        ),
+        (0.4, &[(32, 0.043, 0.032), (64, 0.036, 0.023), (128, 0.034, 0.022), (200, 0.034, 0.021)]),
+        (0.8, &[(32, 0.064, 0.045), (64, 0.062, 0.039), (128, 0.061, 0.039), (200, 0.061, 0.038)]),
     ];
     for (width, cells) in curve {
         let (input, points) = over_floor(ball(center, radius, 96), square(width));
         let truth = truth(&points, width, |p, along| hits_ball(center, radius, p, along));
         for (size, one, two) in cells {
-            for (passes, expected) in [(1, one), (2, two)] {
+            for (passes, expected) in [(1, *one), (2, *two)] {
                 let options = format!("size={size},ssm={TEXELS},passes={passes},margin=0");
                 let found = error(&options, &input, &truth);
                 println!(

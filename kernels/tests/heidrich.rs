@@ -396,7 +396,7 @@ fn skins_are_nearer_to_the_truth_than_the_same_samples_without() {
     ] {
         let (scene, eye, input) = under_a_line(name, half, (160, 120));
         let truth = Truth::new(&scene.mesh, &scene.light, &eye, 1024, &|| ()).visibility();
-        for samples in [2, 3, 5] {
+        for samples in [2, 5] {
             let with = |more: &str| {
                 let metrics = error(&truth, &format!("samples={samples}{more}"), &input);
                 println!(
@@ -408,10 +408,10 @@ fn skins_are_nearer_to_the_truth_than_the_same_samples_without() {
             let masked = with("");
             let without = with(",threshold=1");
             assert!(masked < without, "{name}, {samples}: {masked} with, {without} without");
-            with(",skin=printed");
-            with(",skin=agreed");
-            with(",interpolation=perspective");
-            with(",size=2048");
+            if samples == 2 {
+                with(",skin=printed");
+                with(",skin=agreed");
+            }
         }
     }
 }
