@@ -219,7 +219,8 @@ fn error(options: &str, input: &ShadowInput, truth: &[f64]) -> f64 {
 fn the_reference_curve_comes_out_within_15_percent() {
     let (center, radius) = (DVec3::new(0.1, 0.0, 2.2), 0.6);
     // By width of the light: map, one pass, two passes [algorithms, 4.7].
-    let curve: [(f64, &[(u32, f64, f64)]); 3] = [
+    type Cells = &'static [(u32, f64, f64)];
+    let curve: [(f64, Cells); 3] = [
         (
             0.1,
             &[

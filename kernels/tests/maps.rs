@@ -79,7 +79,7 @@ fn every_texel_has_the_nearest_triangle() {
             let axis = face as usize / 2;
             let of = |field| f64::from(arena.read_f32(layout.faces.host(face, field)));
             // Every third texel of every fifth row, or as many of larger maps: all tiles, and all places in them.
-            let step = |texels: usize| texels * size as usize / 128 | 1;
+            let step = |texels: usize| (texels * size as usize / 128) | 1;
             let row = |y| (0..size).step_by(step(3)).map(move |x| (x, y));
             for (x, y) in (0..size).step_by(step(5)).flat_map(row) {
                 let mut direction = DVec3::ZERO;

@@ -302,6 +302,10 @@ impl Part<'_> {
             // The numbers of one receiver, in every lane.
             let lane_number = v.vset_i32(lane as i32);
             let edges = each!(edge in [0, 1, 2] => each!(k in [0, 1, 2] => v.vpermute_f32(edges[edge][k], lane_number)));
+            #[expect(
+                clippy::manual_map,
+                reason = "a closure is not compiled for the host's vector instructions"
+            )]
             let across = match across {
                 None => None,
                 Some(across) => Some(each!(k in [0, 1, 2] => v.vpermute_f32(across[k], lane_number))),

@@ -84,12 +84,9 @@ impl Kernel for WideTriangles {
                     v.vblend_i32(swapped, numbers[high], numbers[low]),
                     v.vblend_i32(swapped, numbers[low], numbers[high]),
                 );
-                for axis in 0..3 {
-                    (corners[low][axis], corners[high][axis]) = (
-                        v.vblend_f32(swapped, corners[high][axis], corners[low][axis]),
-                        v.vblend_f32(swapped, corners[low][axis], corners[high][axis]),
-                    );
-                }
+                let (start, end) = (corners[low], corners[high]);
+                corners[low] = each!(axis in [0, 1, 2] => v.vblend_f32(swapped, end[axis], start[axis]));
+                corners[high] = each!(axis in [0, 1, 2] => v.vblend_f32(swapped, start[axis], end[axis]));
             }
             let nearest = nearest(v, corners, outward, distance, negative, [zero, one]);
             let faces = faces_of_penumbras(v, light, corners);
