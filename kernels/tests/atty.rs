@@ -214,7 +214,7 @@ fn error(options: &str, input: &ShadowInput, truth: &[f64]) -> f64 {
 /// Where the ball of the curve stands beside the axis is not told. In the middle, silhouettes fall on texels alike on all sides: a map
 /// of 32 with two passes at L = 0.4 is then 22 % more off, here as in a prototype in f64.
 ///
-/// Under larger lights the curve has levelled off at 200; the rest of it takes minutes, and differs by no more.
+/// Under larger lights the curve has levelled off at 128; the rest of it takes minutes, and differs by no more.
 #[test]
 fn the_reference_curve_comes_out_within_15_percent() {
     let (center, radius) = (DVec3::new(0.1, 0.0, 2.2), 0.6);
@@ -229,11 +229,10 @@ fn the_reference_curve_comes_out_within_15_percent() {
                 (128, 0.0086, 0.0064),
                 (200, 0.0071, 0.0047),
                 (256, 0.0065, 0.0041),
-                (512, 0.0062, 0.0040),
             ],
         ),
-        (0.4, &[(32, 0.043, 0.032), (64, 0.036, 0.023), (128, 0.034, 0.022), (200, 0.034, 0.021)]),
-        (0.8, &[(32, 0.064, 0.045), (64, 0.062, 0.039), (128, 0.061, 0.039), (200, 0.061, 0.038)]),
+        (0.4, &[(32, 0.043, 0.032), (64, 0.036, 0.023), (128, 0.034, 0.022)]),
+        (0.8, &[(32, 0.064, 0.045), (64, 0.062, 0.039), (128, 0.061, 0.039)]),
     ];
     for (width, cells) in curve {
         let (input, points) = over_floor(ball(center, radius, 96), square(width));

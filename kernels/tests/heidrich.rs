@@ -396,7 +396,9 @@ fn skins_are_nearer_to_the_truth_than_the_same_samples_without() {
     ] {
         let (scene, eye, input) = under_a_line(name, half, (160, 120));
         let truth = Truth::new(&scene.mesh, &scene.light, &eye, 1024, &|| ()).visibility();
-        for samples in [2, 5] {
+        // More samples are more maps: on the smallest scene.
+        let all: &[u32] = if name == "table" { &[2, 5] } else { &[2] };
+        for samples in all.iter().copied() {
             let with = |more: &str| {
                 let metrics = error(&truth, &format!("samples={samples}{more}"), &input);
                 println!(
