@@ -133,7 +133,7 @@ impl Scene {
         scene
     }
 
-    /// The same scene as seen from `viewpoint`.
+    /// This scene as it is seen from `viewpoint`.
     pub fn seen_from(self, viewpoint: Viewpoint) -> Scene {
         Scene { viewpoint, ..self }
     }
@@ -162,17 +162,25 @@ pub struct ObjectNumbers {
 impl ObjectNumbers {
     /// Copies the numbers into the arena, untimed as the rest of the scene.
     pub fn new(input: &ShadowInput, arena: &mut Arena) -> ObjectNumbers {
-        let row =
-            |e: usize| &input.edge_faces[input.edge_first[e] as usize..input.edge_first[e + 1] as usize];
-        let rows = || (0..input.edges.len()).map(row);
-        let of_triangles = objects(input.triangles.len(), rows());
+        let of_triangles = objects_of_triangles(input);
         let of_edge = |row: &[u32]| row.first().map_or(0, |face| of_triangles[(face >> 1) as usize]);
         let triangles = arena.overwritten(of_triangles.len() as u64 + 16);
         let edges = arena.overwritten(input.edges.len() as u64 + 16);
         fill(arena, triangles, of_triangles.iter().copied());
-        fill(arena, edges, rows().map(of_edge));
+        fill(arena, edges, faces_of_edges(input).map(of_edge));
         ObjectNumbers { triangles, edges }
     }
+}
+
+/// Faces on each edge of the scene, as [`ShadowInput::edge_faces`] has them.
+fn faces_of_edges(input: &ShadowInput) -> impl Iterator<Item = &[u32]> {
+    let starts = &input.edge_first;
+    (0..input.edges.len()).map(|e| &input.edge_faces[starts[e] as usize..starts[e + 1] as usize])
+}
+
+/// Number of the object of each triangle: what hangs together over edges.
+pub(crate) fn objects_of_triangles(input: &ShadowInput) -> Vec<u32> {
+    objects(input.triangles.len(), faces_of_edges(input))
 }
 
 /// Layers of a triangle in F and B as in [`Triangle::layers`].

@@ -2,23 +2,17 @@
 
 mod common;
 
-use std::path::Path;
-
 use common::{
-    Lanewise, On, Random, add_box, add_triangle, cases, data, draw, evaluate, input, polygons, run_step,
-    same_on_all_back_ends, shipped,
+    Lanewise, On, Random, add_box, add_triangle, cases, draw, evaluate, input, nasty_meshes, on, polygons,
+    run_step, same_on_all_back_ends, shipped,
 };
 use lrbsim_isa::{Arena, HostSimd, Phase, Runner, Step, VECTOR_REGISTERS, Vpu};
 use lrbsim_kernels::atty::{Atty, geometry};
 use lrbsim_kernels::method::Method;
 use lrbsim_workloads::glam::{DVec2, DVec3};
 use lrbsim_workloads::reference::ErrorMetrics;
-use lrbsim_workloads::{Adjacency, EyeView, Light, Mesh, ShadowInput, load_scene};
+use lrbsim_workloads::{Adjacency, EyeView, Light, Mesh, ShadowInput};
 use serde_json::Value;
-
-fn on() -> On {
-    On::Host(HostSimd::detect(), 2)
-}
 
 fn number(value: &Value, name: &str) -> f64 {
     value[name].as_f64().unwrap_or_else(|| panic!("`{name}` is no number"))
@@ -740,14 +734,10 @@ fn a_light_of_hardly_any_width_throws_hard_shadows() {
 
 #[test]
 fn every_valid_nasty_mesh_gives_visibilities() {
-    let folder = data("nasty");
-    let text = std::fs::read_to_string(folder.join("manifest.json")).expect("the manifest can be read");
-    let manifest: Value = serde_json::from_str(&text).expect("the manifest is JSON");
     let mut seen = 0;
-    for entry in manifest.as_array().expect("a list").iter().filter(|entry| entry["valid"] == true) {
-        let path = folder.join(entry["file"].as_str().expect("a name"));
+    for mesh in nasty_meshes().into_iter().filter(|mesh| mesh.valid) {
         // Valid files without geometry are no scenes.
-        let Ok(mut scene) = load_scene(&path, Path::new(".")) else { continue };
+        let Ok(mut scene) = mesh.scene else { continue };
         let eye = EyeView::render(&scene.mesh, &scene.camera, 64, 48);
         let radius = scene.light.radius().max(1e-6);
         scene.light = Light::Rect {

@@ -2,18 +2,15 @@
 
 mod common;
 
-use common::{On, Random, Run, add_box, back_ends, input, polygons, random_scene, shipped, sphere, turned};
-use lrbsim_isa::HostSimd;
+use common::{
+    On, Random, Run, add_box, back_ends, input, on, polygons, random_scene, shipped, sphere, turned,
+};
 use lrbsim_kernels::samples::{places, turns};
 use lrbsim_kernels::sism::Overlap;
 use lrbsim_workloads::adjacency::CUT_TRIANGLES_MAX;
 use lrbsim_workloads::glam::{DVec3, Vec3};
 use lrbsim_workloads::reference::Occluders;
 use lrbsim_workloads::{Light, Mesh, Outline, ShadowInput};
-
-fn on() -> On {
-    On::Host(HostSimd::detect(), 2)
-}
 
 /// How many receivers are off the f64 brute force by more than 1e-3, and the greatest difference.
 fn off(input: &ShadowInput, on: On) -> (usize, f64) {

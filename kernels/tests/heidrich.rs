@@ -2,13 +2,11 @@
 
 mod common;
 
-use std::path::Path;
-
 use common::{
-    Lanewise, On, Random, cases, data, draw, evaluate, input, one_of_each_kind, polygons, random_scene,
-    run_step, same_on_all_back_ends, shipped, sphere,
+    Lanewise, Random, cases, draw, evaluate, expected, input, nasty_meshes, number, on, one_of_each_kind,
+    polygons, random_scene, run_step, same_on_all_back_ends, shipped, sphere,
 };
-use lrbsim_isa::{Arena, HostSimd, Phase, Runner, Step, Vpu};
+use lrbsim_isa::{Arena, Phase, Runner, Step, Vpu};
 use lrbsim_kernels::field;
 use lrbsim_kernels::heidrich::channel::{Interpolation, SkinOnFace, factor};
 use lrbsim_kernels::heidrich::skins::Skins;
@@ -19,20 +17,7 @@ use lrbsim_kernels::map::layout::{MapFace, MapSlot};
 use lrbsim_kernels::method::Method;
 use lrbsim_workloads::glam::DVec3;
 use lrbsim_workloads::reference::{ErrorMetrics, Rays, Truth};
-use lrbsim_workloads::{Adjacency, Bvh, EyeView, Light, Mesh, Scene, ShadowInput, load_scene};
-use serde_json::Value;
-
-fn on() -> On {
-    On::Host(HostSimd::detect(), 2)
-}
-
-fn number(case: &Value, name: &str) -> f64 {
-    case["inputs"][name].as_f64().expect("a number")
-}
-
-fn expected(case: &Value, name: &str) -> f64 {
-    case["expected"][name].as_f64().expect("a number")
-}
+use lrbsim_workloads::{Adjacency, Bvh, EyeView, Light, Mesh, Scene, ShadowInput};
 
 // ---- formulas
 
@@ -202,7 +187,7 @@ fn a_straight_edge_has_a_linear_penumbra_where_light_and_floor_are_parallel() {
     }
 }
 
-/// The same with all axes in other places: light, floor and edge on each face of the map.
+/// A straight edge parallel to light and floor, with all axes in other places: light, floor and edge on each face of the map.
 #[test]
 fn a_straight_edge_has_the_same_penumbra_on_every_face() {
     // The borders of the map are those of the receivers: the edge lies inside.
@@ -482,14 +467,10 @@ fn soft_shadow_maps_are_the_same_on_all_back_ends_and_their_tasks_are_short() {
 
 #[test]
 fn valid_nasty_meshes_empty_frames_and_degenerate_lights_give_visibilities() {
-    let folder = data("nasty");
-    let text = std::fs::read_to_string(folder.join("manifest.json")).expect("the manifest can be read");
-    let manifest: Value = serde_json::from_str(&text).expect("the manifest is JSON");
     let mut seen = 0;
-    for entry in manifest.as_array().expect("a list") {
-        let file = entry["file"].as_str().expect("a name");
+    for mesh in nasty_meshes() {
         // Valid files without geometry are no scenes.
-        let Ok(scene) = load_scene(folder.join(file), Path::new(".")) else { continue };
+        let Ok(scene) = mesh.scene else { continue };
         let eye = EyeView::render(&scene.mesh, &scene.camera, 64, 48);
         let (center, half) = (scene.light.center(), DVec3::new(1.0, 0.5, 0.2) * scene.light.radius());
         let scene = Scene { light: Light::Linear { p0: center - half, p1: center + half }, ..scene };

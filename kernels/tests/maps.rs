@@ -3,10 +3,10 @@
 mod common;
 
 use common::{
-    On, Random, draw, half_plane, input, polygons, random_scene, run_step, same_on_all_back_ends, shipped,
+    Random, draw, half_plane, input, on, polygons, random_scene, run_step, same_on_all_back_ends, shipped,
     sphere,
 };
-use lrbsim_isa::{Arena, HostSimd, Phase, Runner, Step};
+use lrbsim_isa::{Arena, Phase, Runner, Step};
 use lrbsim_kernels::field;
 use lrbsim_kernels::map::DepthMap;
 use lrbsim_kernels::map::layout::{MapFace, MapSlot};
@@ -15,10 +15,6 @@ use lrbsim_kernels::shadow_map::ShadowMap;
 use lrbsim_kernels::sism::Sism;
 use lrbsim_workloads::glam::DVec3;
 use lrbsim_workloads::{Light, ShadowInput};
-
-fn on() -> On {
-    On::Host(HostSimd::detect(), 2)
-}
 
 /// The map of `input`, and the arena that it is in.
 fn map(input: &ShadowInput, size: u32) -> (DepthMap, Arena) {

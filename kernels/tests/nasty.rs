@@ -2,28 +2,16 @@
 
 mod common;
 
-use std::path::Path;
-
-use common::{On, Run, data, draw, input, one_of_each_kind, polygons, sphere};
-use lrbsim_isa::HostSimd;
+use common::{
+    NastyMesh, Run, draw, input, light_for, nasty_meshes, on, options_with_small_map, polygons, sphere,
+};
 use lrbsim_kernels::method::{METHODS, Method};
 use lrbsim_workloads::glam::DVec3;
-use lrbsim_workloads::{Adjacency, EyeView, Light, Scene, ShadowInput, load_scene};
-use serde_json::Value;
+use lrbsim_workloads::{Adjacency, EyeView, Scene, ShadowInput};
 
 /// What `method` draws of `input`, with a small map if it has one.
 fn small(method: &dyn Method, input: &ShadowInput) -> Vec<f32> {
-    let has_map = method.entry().options.iter().any(|option| option.name == "size");
-    draw(method, if has_map { "size=128" } else { "" }, input, On::Host(HostSimd::detect(), 2)).visibility
-}
-
-/// `light`, or in its place the first of another kind that `method` draws.
-fn light_for(method: &dyn Method, light: Light) -> Light {
-    let options = method.entry().options("").expect("options have defaults");
-    let all = [light].into_iter().chain(one_of_each_kind(light));
-    all.into_iter()
-        .find(|light| method.objection_to_light(&options, light).is_none())
-        .expect("a method draws some light")
+    draw(method, options_with_small_map(method), input, on()).visibility
 }
 
 #[test]
@@ -40,17 +28,9 @@ fn every_method_draws_empty_frames() {
 
 #[test]
 fn every_valid_nasty_mesh_gives_visibilities() {
-    let folder = data("nasty");
-    let text = std::fs::read_to_string(folder.join("manifest.json")).expect("the manifest can be read");
-    let manifest: Value = serde_json::from_str(&text).expect("the manifest is JSON");
     let (mut seen, mut empty) = (0, Vec::new());
-    for entry in manifest.as_array().expect("a list") {
-        let file = entry["file"].as_str().expect("a name");
-        if entry["valid"] != true {
-            continue;
-        }
-        let path = folder.join(file);
-        let scene = match load_scene(&path, Path::new(".")) {
+    for NastyMesh { file, scene, .. } in nasty_meshes().into_iter().filter(|mesh| mesh.valid) {
+        let scene = match scene {
             Ok(scene) => scene,
             // Valid files without geometry are no scenes.
             Err(error) => {
@@ -61,10 +41,10 @@ fn every_valid_nasty_mesh_gives_visibilities() {
         let eye = EyeView::render(&scene.mesh, &scene.camera, 64, 48);
         let adjacency = Adjacency::new(&scene.mesh);
         let input = ShadowInput::new(&scene, &adjacency, &eye);
-        let mut run = Run::new(&input, On::Host(HostSimd::detect(), 2));
+        let mut run = Run::new(&input, on());
         assert_eq!(run.visibility().len(), eye.points.len(), "{file}");
         if input.triangles.len() * input.receivers.len() < 20_000_000 {
-            assert_eq!(run.sums(), run.brute_force(On::Host(HostSimd::detect(), 2)), "{file}");
+            assert_eq!(run.sums(), run.brute_force(on()), "{file}");
         }
         for method in METHODS {
             let light = light_for(method, scene.light);

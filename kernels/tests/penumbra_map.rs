@@ -2,20 +2,17 @@
 
 mod common;
 
-use common::{Lanewise, On, cases, draw, evaluate, half_plane, same_on_all_back_ends, shipped};
-use lrbsim_isa::{HostSimd, Vpu};
+use common::{
+    Lanewise, cases, draw, evaluate, expected, half_plane, number, on, same_on_all_back_ends, shipped,
+};
+use lrbsim_isa::Vpu;
 use lrbsim_kernels::penumbra_map::{PenumbraMap, by_depths, reach, smooth};
 use lrbsim_kernels::segment::segment;
 use serde_json::Value;
 
-fn number(case: &Value, name: &str) -> f64 {
-    case["inputs"][name].as_f64().expect("a number")
-}
-
 /// Within the tolerance of the case, absolute or relative.
 fn check(case: &Value, what: &str, found: f32) {
-    let expected =
-        case["expected"][what].as_f64().unwrap_or_else(|| panic!("{} expects no {what}", case["id"]));
+    let expected = expected(case, what);
     let tolerance = &case["tolerance"];
     let most = tolerance["f32"]
         .as_f64()
@@ -133,8 +130,7 @@ fn the_penumbra_of_a_straight_edge_is_an_outer_one() {
     let across: Vec<f64> = parts.iter().map(|t| t * 0.2).chain([-0.05, -0.15, 0.25]).collect();
     for gradient in ["printed", "linear"] {
         let options = format!("size=2048,gradient={gradient}");
-        let drawn =
-            draw(&PenumbraMap, &options, &half_plane(&across), On::Host(HostSimd::detect(), 2)).visibility;
+        let drawn = draw(&PenumbraMap, &options, &half_plane(&across), on()).visibility;
         let mean = |k: usize| drawn[64 * k..64 * (k + 1)].iter().map(|x| f64::from(*x)).sum::<f64>() / 64.0;
         for (k, t) in parts.into_iter().enumerate() {
             let light = if gradient == "linear" { t } else { 0.5 * t / (1.0 - 0.5 * t) };

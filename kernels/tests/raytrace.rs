@@ -3,20 +3,15 @@
 mod common;
 
 use common::{
-    On, draw, input, one_of_each_kind, random_scene, ray_hits, same_on_all_back_ends, shipped, sphere,
+    draw, input, on, one_of_each_kind, random_scene, ray_hits, same_on_all_back_ends, shipped, sphere,
     under_a_point,
 };
-use lrbsim_isa::HostSimd;
 use lrbsim_kernels::raytrace::Raytrace;
 use lrbsim_kernels::raytrace::trace::tasks_log2;
 use lrbsim_kernels::sism::Sism;
 use lrbsim_workloads::glam::DVec3;
 use lrbsim_workloads::reference::{ErrorMetrics, Truth};
 use lrbsim_workloads::{Adjacency, ShadowInput};
-
-fn on() -> On {
-    On::Host(HostSimd::detect(), 2)
-}
 
 #[test]
 fn rays_to_a_point_hit_what_they_hit_in_f64() {

@@ -3,10 +3,10 @@
 mod common;
 
 use common::{
-    Lanewise, On, draw, evaluate, input, one_of_each_kind, random_scene, ray_hits, same_on_all_back_ends,
+    Lanewise, draw, evaluate, input, on, one_of_each_kind, random_scene, ray_hits, same_on_all_back_ends,
     shipped, sphere, turned, under_a_point,
 };
-use lrbsim_isa::{HostSimd, Vpu};
+use lrbsim_isa::Vpu;
 use lrbsim_kernels::light::View;
 use lrbsim_kernels::samples::{places, turns};
 use lrbsim_kernels::sintorn::Sintorn;
@@ -14,10 +14,6 @@ use lrbsim_kernels::sism::Sism;
 use lrbsim_workloads::glam::DVec3;
 use lrbsim_workloads::reference::{ErrorMetrics, Truth};
 use lrbsim_workloads::{Adjacency, Light, LightShape, ShadowInput};
-
-fn on() -> On {
-    On::Host(HostSimd::detect(), 2)
-}
 
 /// The vectors along a light as receivers see it.
 #[derive(Clone)]

@@ -2,16 +2,12 @@
 
 mod common;
 
-use common::{On, Random, Run, input, polygons, shipped};
+use common::{On, Random, Run, input, on, polygons, shipped};
 use lrbsim_isa::HostSimd;
 use lrbsim_kernels::sism::Overlap;
 use lrbsim_workloads::glam::DVec3;
 use lrbsim_workloads::reference::Occluders;
 use lrbsim_workloads::{Adjacency, EyeView, Light, Mesh, Scene, ShadowInput};
-
-fn on() -> On {
-    On::Host(HostSimd::detect(), 2)
-}
 
 /// Visibility of every pixel of `scene`, 2 where it sees nothing.
 fn picture(scene: &Scene, overlap: Overlap, [width, height]: [u32; 2]) -> Vec<f32> {

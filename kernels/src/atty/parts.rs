@@ -4,7 +4,6 @@
 
 use lrbsim_isa::{Addr, Arena, Compare, Kernel, Runner, Step, Stopped, Vpu};
 use lrbsim_workloads::ShadowInput;
-use lrbsim_workloads::adjacency::objects;
 use lrbsim_workloads::glam::Vec3;
 
 use crate::columns::{lanes_below, task_range};
@@ -12,7 +11,7 @@ use crate::expression::{int, scalar};
 use crate::field;
 use crate::irregular::primitives::{AWAY, BACK, FRONT, TriangleRecord};
 use crate::record::{Records, words};
-use crate::scene::{Scene, Triangle, fill};
+use crate::scene::{Scene, Triangle, fill, objects_of_triangles};
 
 /// What a triangle of a receiver has for its part in the scene.
 pub(super) const RECEIVER: i32 = 0;
@@ -34,9 +33,7 @@ const TASK: u32 = 1024;
 ///
 /// An object, all that hangs together over edges, is a receiver if the diagonal of its box is at least `least` of that of the scene's.
 pub(super) fn parts(input: &ShadowInput, scene: &Scene, least: f64, arena: &mut Arena) -> Addr {
-    let rows = (0..input.edges.len())
-        .map(|e| &input.edge_faces[input.edge_first[e] as usize..input.edge_first[e + 1] as usize]);
-    let of_triangles = objects(input.triangles.len(), rows);
+    let of_triangles = objects_of_triangles(input);
     let count = of_triangles.iter().max().map_or(0, |last| *last as usize + 1);
     let nothing = [Vec3::INFINITY, Vec3::NEG_INFINITY];
     let grown = |[low, high]: [Vec3; 2], p: Vec3| [low.min(p), high.max(p)];

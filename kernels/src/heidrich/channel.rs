@@ -86,7 +86,7 @@ pub struct SkinOnFace<V: Vpu> {
     pub per_depth: V::F32,
     /// What makes the weights those of the interpolation.
     pub factors: [V::F32; 3],
-    /// The same times what is seen of the light at the corners.
+    /// What makes the weights those of the interpolation, times what is seen of the light at the corners.
     pub lit: [V::F32; 3],
 }
 

@@ -51,7 +51,7 @@ impl Receivers {
         Receivers { viewpoint: Viewpoint::default(), columns, count }
     }
 
-    /// The same receivers as seen from `viewpoint`.
+    /// These receivers as they are seen from `viewpoint`.
     pub fn seen_from(self, viewpoint: Viewpoint) -> Receivers {
         Receivers { viewpoint, ..self }
     }

@@ -386,8 +386,10 @@ impl Walk {
             let record_end = scalar!(v, record_end + record_end);
             while v.branch(Compare::Less, i, stop) {
                 let live = lanes_below(v, i, stop);
+                // Past the last sample of all there is nothing to load.
+                let none = v.vset_f32(0.0);
                 let position = each!(axis in [0, 1, 2] => {
-                    v.vload_f32(grid.samples.column(field!(Sample.position[axis])), i)
+                    v.vload_f32_or(none, live, grid.samples.column(field!(Sample.position[axis])), i)
                 });
                 let samples = Samples { live, first: i, block, cell, position };
                 let deepest = self.deepest(v, &samples, depths);

@@ -476,8 +476,9 @@ impl<V: Vpu> Widths<V> {
         v.vmul(far, less)
     }
 
-    /// See [`Touch::touch`]: of the rectangles in which receivers are at most `reach` times their depth from the light, and which are
-    /// `distance` or more from the image, by positions that are off by up to `slack`. The constant 0 is the caller's.
+    /// Rectangles that the penumbra touches, and from which depth on, as [`Touch::touch`] has them. Receivers in a rectangle are at most
+    /// `reach` times their depth from the light, and it is `distance` or more from the image, by positions that are off by up to `slack`.
+    /// The constant 0 is the caller's.
     #[inline(always)]
     fn touch(
         &self,

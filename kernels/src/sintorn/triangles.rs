@@ -7,11 +7,11 @@ use lrbsim_isa::{Compare, Kernel, Runner, Step, Stopped, Vpu, math};
 use crate::columns::{lanes_below, task_range};
 use crate::expression::{each, int, scalar};
 use crate::field;
-use crate::irregular::CHILDREN;
 use crate::irregular::primitives::{CUTS, FACES_SHIFT, LightConstants, WideTriangle};
 use crate::irregular::silhouette::least_distance2;
 use crate::irregular::touch::faces_of_penumbras;
 use crate::irregular::triangles::{cuts, layers};
+use crate::irregular::{CHILDREN, FAR};
 use crate::plane::{Vec3, cross, dot, plane_slack, sub};
 use crate::record::{Records, words};
 use crate::scene::{Scene, Triangle};
@@ -128,7 +128,7 @@ fn nearest<V: Vpu>(
     [zero, one]: [V::F32; 2],
 ) -> V::F32 {
     let [a, b, c] = corners;
-    let mut least2 = least_distance2(v, a, b, [zero, one]);
+    let mut least2 = v.vset_f32(FAR);
     let mut inside = v.mask_all();
     for (start, end) in [(a, b), (b, c), (c, a)] {
         let of_edge = least_distance2(v, start, end, [zero, one]);

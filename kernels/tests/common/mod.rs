@@ -40,6 +40,11 @@ pub enum On {
     Recording(HostSimd),
 }
 
+/// The fastest back end of this host, on two threads.
+pub fn on() -> On {
+    On::Host(HostSimd::detect(), 2)
+}
+
 /// Every back end that this host has; says which it lacks.
 pub fn back_ends() -> Vec<On> {
     let mut all = vec![On::Recording(HostSimd::detect())];
@@ -326,6 +331,39 @@ pub fn data(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data").join(path)
 }
 
+/// A mesh that was made to break things.
+pub struct NastyMesh {
+    /// Name of its file.
+    pub file: String,
+    /// Whether it is a valid file.
+    pub valid: bool,
+    /// The scene that it is; of a file without geometry, the reason why it is none.
+    pub scene: Result<Scene, String>,
+}
+
+/// All meshes that were made to break things.
+pub fn nasty_meshes() -> Vec<NastyMesh> {
+    let folder = data("nasty");
+    let text = std::fs::read_to_string(folder.join("manifest.json")).expect("the manifest can be read");
+    let manifest: Value = serde_json::from_str(&text).expect("the manifest is JSON");
+    let mesh = |entry: &Value| {
+        let file = entry["file"].as_str().expect("a name").to_owned();
+        let scene = load_scene(folder.join(&file), Path::new(".")).map_err(|error| error.to_string());
+        NastyMesh { file, valid: entry["valid"] == true, scene }
+    };
+    manifest.as_array().expect("a list").iter().map(mesh).collect()
+}
+
+/// The input `name` of an oracle's case.
+pub fn number(case: &Value, name: &str) -> f64 {
+    case["inputs"][name].as_f64().unwrap_or_else(|| panic!("{} has no input {name}", case["id"]))
+}
+
+/// What an oracle's case expects of `name`.
+pub fn expected(case: &Value, name: &str) -> f64 {
+    case["expected"][name].as_f64().unwrap_or_else(|| panic!("{} expects no {name}", case["id"]))
+}
+
 /// One group of the oracles.
 pub fn oracles(name: &str) -> Value {
     let text = std::fs::read_to_string(data("oracles.json")).expect("the oracles can be read");
@@ -608,6 +646,21 @@ pub struct Drawn {
     /// Visibility, one a receiver.
     pub visibility: Vec<f32>,
     pub steps: BTreeMap<&'static str, StepFigures>,
+}
+
+/// Options of `method` that make its map small, if it has one.
+pub fn options_with_small_map(method: &dyn Method) -> &'static str {
+    let has_map = method.entry().options.iter().any(|option| option.name == "size");
+    if has_map { "size=128" } else { "" }
+}
+
+/// `light`, or in its place the first of another kind that `method` draws.
+pub fn light_for(method: &dyn Method, light: Light) -> Light {
+    let options = method.entry().options("").expect("options have defaults");
+    let all = [light].into_iter().chain(one_of_each_kind(light));
+    all.into_iter()
+        .find(|light| method.objection_to_light(&options, light).is_none())
+        .expect("a method draws some light")
 }
 
 /// Runs `method` with the options that `options` gives.
