@@ -255,8 +255,8 @@ fn errors_of_ball(center: DVec3, radius: f64, width: f64, size: u32) -> [f64; 2]
     [1, 2].map(|passes| error(&format!("size={size},ssm={TEXELS},passes={passes},margin=0"), &input, &truth))
 }
 
-/// Errors are large under a point, least under a small light, and grow from there with the light and as the ball comes near to it; a
-/// second map never makes them worse [atty06, §5.2]. The map of 100 texels is no multiple of the soft shadow map's 128: with the
+/// Errors are large under a point, least under a small light, and grow from there with the light, as the ball comes near to it and as it
+/// goes aside; a second map never makes them worse [atty06, §5.2]. The map of 100 texels is no multiple of the soft shadow map's 128: with the
 /// same texels in both, a point throws an exact shadow on the middles of texels.
 #[test]
 fn errors_go_with_the_light_and_the_occluder_as_published() {
@@ -275,6 +275,13 @@ fn errors_go_with_the_light_and_the_occluder_as_published() {
         assert!(two <= one, "{depth}: {two}, one map {one}");
     }
     assert!(by_depth.map(|[one, _]| one).is_sorted(), "{by_depth:?}");
+    let sideways = [0.0, 0.15, 0.3, 0.45];
+    let by_place = sideways.map(|x| errors_of_ball(DVec3::new(x, 0.0, 2.2), 0.3, 0.4, 128));
+    for (x, [one, two]) in sideways.into_iter().zip(by_place) {
+        println!("sideways {x}: {one:.4}, {two:.4}");
+        assert!(two <= one, "{x}: {two}, one map {one}");
+    }
+    assert!(by_place.map(|[one, _]| one).is_sorted(), "{by_place:?}");
 }
 
 /// A square plate of half side `half` at `depth`, across the axis of the light.

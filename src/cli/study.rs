@@ -244,19 +244,19 @@ fn run_points(what: &What, args: &StudyArgs, out: &mut impl Write) -> Result<boo
         std::io::copy(&mut file, out)?;
         return Ok(failed == 0);
     }
-    let base = &output.head.study.base;
-    let algorithm = Algorithm::from_str(&base.algorithm)?;
-    let set: Vec<String> = base.set.iter().map(|(path, value)| format!(", {path} = {value}")).collect();
-    writeln!(
-        out,
-        "Study {}: {} on {}, {}, {}{}\n",
-        output.head.study.name,
-        base.scene,
-        base.machine,
-        algorithm.title(),
-        base.fidelity,
-        set.concat()
-    )?;
+    let study = &output.head.study;
+    let algorithm = Algorithm::from_str(&study.base.algorithm)?;
+    // What an axis varies is not the base's.
+    let varied = |path: &str| study.axes.iter().any(|axis| axis.path == path);
+    let shown = |path: &str, shown: String| (!varied(path)).then_some(shown);
+    let base = &study.base;
+    let place = [shown("scene", base.scene.to_string()), shown("machine", base.machine.to_string())];
+    let place: Vec<String> = place.into_iter().flatten().collect();
+    let mut parts = Vec::from_iter((!place.is_empty()).then(|| place.join(" on ")));
+    parts.extend(shown("algorithm", algorithm.title()));
+    parts.extend(shown("fidelity", base.fidelity.to_string()));
+    parts.extend(base.set.iter().map(|(path, value)| format!("{path} = {value}")));
+    writeln!(out, "Study {}: {}\n", study.name, parts.join(", "))?;
     for (index, finding) in findings(&digest).iter().enumerate() {
         let gap = if index > 0 { "\n" } else { "" };
         writeln!(out, "{gap}{}\n\n{}", finding.title, finding.sheet.terminal())?;

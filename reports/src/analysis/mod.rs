@@ -92,6 +92,8 @@ pub fn markdown(study: &StudyFile, findings: &[Finding]) -> String {
 struct Data<'a> {
     axes: Vec<String>,
     metric: String,
+    /// Paths of the other numbers that the study asks for.
+    columns: &'a [String],
     rows: Vec<Row<'a>>,
     /// Ids of the phases that any point has, in program order.
     phases: &'a [String],
@@ -109,7 +111,8 @@ impl<'a> Data<'a> {
         let rows = rows
             .filter_map(|(point, numbers)| Some(Row { values: &point.values, numbers: numbers.as_ref()? }));
         let axes = study.study.axes.iter().map(|axis| axis.path.clone()).collect();
-        Data { axes, metric: study.study.metric.clone(), rows: rows.collect(), phases }
+        let columns = &study.study.columns;
+        Data { axes, metric: study.study.metric.clone(), columns, rows: rows.collect(), phases }
     }
 
     /// The axis or number that an analysis is drawn over.

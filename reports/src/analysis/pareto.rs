@@ -28,7 +28,13 @@ pub(super) fn pareto(data: &Data, analysis: &Analysis) -> Finding {
         for (Known { row, place }, on) in known.iter().zip(&front) {
             let others = row.values.iter().enumerate().filter(|(axis, _)| Some(*axis) != each);
             let rival = others.map(|(_, value)| show_value(value)).collect::<Vec<_>>().join(", ");
-            rated.push((rival, (*place, *on)));
+            let others = data.columns.iter().filter(|path| ![&x, &y].contains(path));
+            let others =
+                others.filter_map(|path| Some(format!("{} {}", title(path), short(data.number(row, path)?))));
+            rated.push((
+                rival,
+                Rated { place: *place, on: *on, group: name.clone(), others: others.collect() },
+            ));
             let mut cells: Vec<Cell> = row.values.iter().map(Cell::value).collect();
             cells.extend(extra.iter().map(|path| Cell::maybe(data.number(row, path))));
             cells.push(Cell::Text(if *on { "yes" } else { "" }.to_owned()));
@@ -73,17 +79,23 @@ pub(super) fn pareto(data: &Data, analysis: &Analysis) -> Finding {
     }
 }
 
-/// What is to be had from one rival, over all groups: a sentence.
+/// What is to be had from one rival, over all groups, and what is known of it where it does worst: a sentence.
 fn summary(rival: &str, points: &[Rated], x: &str, y: &str) -> String {
     let range = |number: fn(&(f64, f64)) -> f64| {
-        let numbers = || points.iter().map(|(place, _)| number(place));
+        let numbers = || points.iter().map(|point| number(&point.place));
         let (low, high) =
             (numbers().fold(f64::INFINITY, f64::min), numbers().fold(f64::NEG_INFINITY, f64::max));
         if low == high { short(low) } else { format!("{} to {}", short(low), short(high)) }
     };
-    let on = points.iter().filter(|(_, on)| *on).count();
+    let on = points.iter().filter(|point| point.on).count();
+    let worst = points.iter().max_by(|a, b| a.place.1.total_cmp(&b.place.1)).filter(|_| points.len() > 1);
+    let worst = worst.map_or_else(String::new, |worst| {
+        let others: Vec<&str> = worst.others.iter().map(String::as_str).collect();
+        let with = if others.is_empty() { "" } else { ", with " };
+        format!(" Worst in {}{with}{}.", worst.group, others.join(", "))
+    });
     format!(
-        "{rival}: {} {}, {} {}; on the front of {on} of {}.",
+        "{rival}: {} {}, {} {}; on the front of {on} of {}.{worst}",
         title(x),
         range(|place| place.0),
         title(y),
@@ -92,8 +104,16 @@ fn summary(rival: &str, points: &[Rated], x: &str, y: &str) -> String {
     )
 }
 
-/// The place of a point, and whether it is on the front.
-type Rated = ((f64, f64), bool);
+/// A point as its rival is judged by it.
+struct Rated {
+    place: (f64, f64),
+    /// Whether it is on the front.
+    on: bool,
+    /// The value that its group has in common.
+    group: String,
+    /// The other numbers that the study asks for, in words.
+    others: Vec<String>,
+}
 
 /// A point that has both numbers.
 struct Known<'a> {
@@ -134,7 +154,10 @@ mod tests {
         assert_eq!(fronts(&study), [true, false, true, true]);
         let findings = crate::analysis::findings(&Digest::of(&study));
         let notes = &findings.iter().find(|finding| finding.name == "pareto").expect("asked for").notes;
-        assert!(notes[2].starts_with("2: ") && notes[2].ends_with("on the front of 1 of 2."), "{notes:?}");
+        assert!(
+            notes[2].starts_with("2: ") && notes[2].ends_with("on the front of 1 of 2. Worst in hard."),
+            "{notes:?}"
+        );
     }
 
     #[test]
