@@ -57,6 +57,12 @@ fn the_truth_has_every_quality_and_a_picture_with_one_fault_lacks_one() {
     // Bands of a sixteenth, and a speck here and there in full shadow.
     assert_eq!(each(|_, v| (16.0 * v).round() / 16.0), [Quality::NoAliasing]);
     assert_eq!(each(|i, v| if v == 0.0 && i % 7 == 0 { 0.02 } else { v }), [Quality::NoLightLeaks]);
+    // A penumbra of another shape is not aliased.
+    let bent = |view: &View| {
+        let moves = view.scene.name.ends_with("lamp");
+        view.truth.iter().map(|v| if moves { v * v * (3.0 - 2.0 * v) } else { *v }).collect()
+    };
+    assert_eq!(lacking(&cases, bent), []);
     // What a second sheet of the same outline would hide if it were another.
     let product = |view: &View| {
         let is_pair = ["nested", "crossing", "apart", "closing"].contains(&view.scene.name.as_str());

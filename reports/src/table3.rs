@@ -117,10 +117,11 @@ impl Quality {
                  a gap closes. The figure is the mean error of the receivers from which each of both sheets alone hides a part of the lamp."
             }
             Quality::NoAliasing => {
-                "The corner of a sheet, and a lamp that moves slantwise to all axes, so that the shadow goes half a texel of a map of \
-                 1024 a side in each step; receivers stay. The figure is the root mean square, over receivers in the penumbra, of how much \
-                 the error of the method changes in a step: what saws, bands and flickers is an error that changes. A large lamp \
-                 whose penumbra is 67 of these texels wide, and a small one with 5."
+                "The straight edge of a sheet, and a lamp that moves slantwise to all axes, so that the shadow goes half a texel of a map of \
+                 1024 a side in each step; receivers stay. The figure is the root mean square, over receivers in the penumbra, of what changes \
+                 in a step of all that is drawn beyond a smooth profile, which is a line fitted to what is drawn where the truth is within \
+                 1/32: what saws, bands and flickers changes, and a penumbra of a wrong shape is no aliasing. A large lamp whose penumbra is 67 of these \
+                 texels wide, and a small one with 5."
             }
             Quality::NoLightLeaks => {
                 "A round body of 6240 triangles, a slanted sheet, two sheets that meet at a seam where only one has corners, and \

@@ -236,17 +236,14 @@ fn overlap(lamp: Lamp, id: &str, low: Half, high: Half, side: u32) -> Case {
     Case::new(Quality::AccurateOverlap, id, asked, vec![both])
 }
 
-/// The corner of a sheet at height 1 under a lamp that moves: its shadow goes half a texel a step.
+/// A straight edge under a lamp that moves: its shadow goes half a texel a step.
 fn motion(lamp: Lamp, id: &str, radius: f64, steps: u32, side: u32) -> Case {
-    const HEIGHT: f64 = 1.0;
-    let window = Window { center: DVec2::ZERO, half: 0.8 * penumbra(radius, HEIGHT) + 4.0 * TEXEL, side };
-    let [u, v] = [SLANT + 0.3, SLANT + 1.9].map(|angle| DVec2::from_angle(angle) * 1.2);
-    let corner = over_origin(HEIGHT);
-    let corners = [corner, corner + u, corner + u + v, corner + v].map(|at| raised(at, HEIGHT));
-    let step = DVec2::from_angle(1.1) * (0.5 * TEXEL * (LAMP.y - HEIGHT) / HEIGHT);
+    let height = LOW.height;
+    let window = Window { center: DVec2::ZERO, half: 0.8 * penumbra(radius, height) + 4.0 * TEXEL, side };
+    let step = DVec2::from_angle(1.1) * (0.5 * TEXEL * (LAMP.y - height) / height);
     let views = (0..=steps).map(|k| {
         let center = LAMP + raised(step * f64::from(k), 0.0);
-        view(id, floor().quad("sheet", corners), lamp.light(center, radius), window, By::Form)
+        view(id, LOW.add_to(floor()), lamp.light(center, radius), window, By::Form)
     });
     Case::new(Quality::NoAliasing, id, vec![true; (side * side) as usize], views.collect())
 }
