@@ -28,6 +28,7 @@ pub mod frames;
 mod host;
 pub mod inputs;
 mod json;
+mod made;
 pub mod progress;
 pub mod published;
 pub mod reference;
@@ -35,6 +36,7 @@ pub mod results;
 mod settings;
 pub mod stability;
 pub mod study;
+pub mod table3;
 pub mod validate;
 pub mod written;
 

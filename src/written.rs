@@ -9,13 +9,14 @@ use lrbsim_reports::compare::{Comparison, PictureChange, compare, inputs, pictur
 use lrbsim_reports::sheet::show_value;
 use lrbsim_reports::stability::StabilityReport;
 use lrbsim_reports::study::{StudyFile, StudyReport};
+use lrbsim_reports::table3::Table3Report;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
 use crate::error::BadInput;
 use crate::json;
-use crate::stability;
+use crate::{stability, table3};
 
 /// The results of a run or of a study, as their file has them.
 #[derive(Debug, Clone)]
@@ -26,6 +27,8 @@ pub enum Results {
     Study(Box<StudyReport>),
     /// The results of the study of stability.
     Stability(Box<StabilityReport>),
+    /// The results of the study of Table 3.
+    Table3(Box<Table3Report>),
 }
 
 /// Results that were written, and the folder where they lie.
@@ -41,7 +44,8 @@ impl Written {
     /// Reads the results at `path`: a folder with `report.json` or `study.json`, or one of these files.
     pub fn load(path: &Path) -> Result<Written, BadInput> {
         let file = if path.is_dir() {
-            let names = ["study.json", "report.json", stability::FILE].map(|name| path.join(name));
+            let names =
+                ["study.json", "report.json", stability::FILE, table3::FILE].map(|name| path.join(name));
             let found: Vec<&PathBuf> = names.iter().filter(|file| file.is_file()).collect();
             match found[..] {
                 [file] => file.clone(),
@@ -76,11 +80,18 @@ impl Written {
             Results::Study(Box::new(read_versioned(&shown, &text)?))
         } else if tree.get("families").is_some() {
             Results::Stability(Box::new(read_versioned(&shown, &text)?))
+        } else if tree.get("truths").is_some() {
+            Results::Table3(Box::new(read_versioned(&shown, &text)?))
         } else {
             Results::Run(Box::new(read_versioned(&shown, &text)?))
         };
         Ok(Written { results, folder: file.parent().unwrap_or(Path::new("")).to_owned() })
     }
+}
+
+fn untimed(study: &str) -> BadInput {
+    BadInput::new(format!("the study of {study} has no times to compare"))
+        .with_help("its `table.md` and CSV files are text: `diff` tells what changed")
 }
 
 fn read_versioned<T: DeserializeOwned>(shown: &str, text: &str) -> Result<T, BadInput> {
@@ -152,10 +163,8 @@ impl Changes {
                 Ok(Changes { whole: compare(run_a, run_b, picture), points: Vec::new(), unmatched: 0 })
             }
             (Results::Study(a), Results::Study(b)) => of_studies(a, b),
-            (Results::Stability(_), _) | (_, Results::Stability(_)) => {
-                Err(BadInput::new("the study of stability has no times to compare")
-                    .with_help("its `table.md` and CSV files are text: `diff` tells what changed"))
-            }
+            (Results::Stability(_), _) | (_, Results::Stability(_)) => Err(untimed("stability")),
+            (Results::Table3(_), _) | (_, Results::Table3(_)) => Err(untimed("Table 3")),
             _ => Err(BadInput::new("one is a run and the other a study").with_help("compare two of a kind")),
         }
     }

@@ -172,6 +172,7 @@ fn every_written_file_keeps_its_schema() {
     assert_eq!(folder.run(&["study", "s.json", "-o", "study"]).code(), Some(1), "one point fails");
     // With a point that is refused.
     folder.run(&["study", "stability", "--only", "scale", "-o", "stability"]).ok();
+    folder.run(&["study", "table3", "--quick", "--only", "hard", "-o", "table3"]).ok();
     for (format, file) in [
         ("report", "timed/report.json"),
         ("report", "untimed/report.json"),
@@ -179,6 +180,7 @@ fn every_written_file_keeps_its_schema() {
         ("study", "s.json"),
         ("study-report", "study/study.json"),
         ("stability", "stability/stability.json"),
+        ("table3", "table3/table3.json"),
     ] {
         holds(&schema(&folder, format), &folder.path(file));
     }

@@ -6,6 +6,7 @@
 //! StudyReport ─► study.json     everything that came out of a study
 //!           └► digest           what is kept of it in memory ─► analysis: tables and plots, page
 //! StabilityReport ─► stability.json, tables and plots of it
+//! Table3Report ─► table3.json, tables and plots of it
 //! picture   ─► image.png, visibility.png, the hash that names a picture
 //! npy       ─► dumps
 //! Validation ─► rows of published and simulated figures
@@ -39,6 +40,7 @@ pub mod sheet;
 pub mod stability;
 pub mod study;
 pub mod table;
+pub mod table3;
 pub mod validation;
 
 pub use digest::Digest;

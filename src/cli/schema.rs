@@ -8,6 +8,7 @@ use lrbsim_machine::MachineConfig;
 use lrbsim_reports::frames::FramesReport;
 use lrbsim_reports::stability::StabilityReport;
 use lrbsim_reports::study::{StudyFile, StudyHosts, StudyReport};
+use lrbsim_reports::table3::Table3Report;
 use lrbsim_reports::{HostReport, RunReport, dictionary};
 use lrbsim_workloads::SceneFile;
 use schemars::schema_for;
@@ -39,6 +40,8 @@ enum Format {
     StudyHosts,
     /// The result of `study stability`, stability.json.
     Stability,
+    /// The result of `study table3`, table3.json.
+    Table3,
     /// The frames of a moving scene, frames.json.
     Frames,
     /// Every number of a report with its unit and meaning, as Markdown.
@@ -59,6 +62,7 @@ pub(crate) fn run(args: &SchemaArgs, out: &mut impl Write) -> Result<(), Failure
         Format::StudyReport => schema_for!(StudyReport),
         Format::StudyHosts => schema_for!(StudyHosts),
         Format::Stability => schema_for!(StabilityReport),
+        Format::Table3 => schema_for!(Table3Report),
         Format::Frames => schema_for!(FramesReport),
         Format::Counters => {
             out.write_all(dictionary::markdown().as_bytes())?;

@@ -14,9 +14,10 @@ use lrbsim::stability::{self, StabilityRequest};
 use lrbsim::study::{
     self, Options, SlurmOptions, Status, Study, StudyProgress, quoted, run_on_slurm, run_study,
 };
+use lrbsim::table3::{self, Table3Request};
 use lrbsim::written::replaced_study;
 use lrbsim::{Algorithm, BadInput, HostOptions};
-use lrbsim_reports::analysis::findings;
+use lrbsim_reports::analysis::{Finding, findings};
 use lrbsim_reports::files::ResultDir;
 use lrbsim_reports::table::counted;
 
@@ -57,9 +58,13 @@ pub(crate) struct StudyArgs {
     #[arg(long)]
     resume: bool,
 
-    /// Only families of `stability` whose names contain this.
+    /// Only families of `stability`, or methods of `table3`, whose names contain this.
     #[arg(long, value_name = "PATTERN")]
     only: Option<String>,
+
+    /// Fewer points of `stability`, or receivers of `table3`: to try them out.
+    #[arg(long)]
+    quick: bool,
 
     /// Print the results as JSON on standard output, and nothing else there.
     #[arg(long)]
@@ -85,7 +90,7 @@ struct ExportArgs {
 /// What is run.
 #[derive(Debug, Args)]
 struct What {
-    /// A shipped study, `stability`, or a study file (.json); see `lrbsim schema study`.
+    /// A shipped study, `stability`, `table3`, or a study file (.json); see `lrbsim schema study`.
     study: PathBuf,
 
     /// Folder of finished points, shared by studies.
@@ -184,16 +189,21 @@ fn run_points(what: &What, args: &StudyArgs, out: &mut impl Write) -> Result<boo
         None => std::thread::available_parallelism().map_or(1, |threads| threads.get()),
         Some(jobs) => sound_jobs(jobs)?,
     };
-    if what.study == Path::new(stability::NAME) {
+    let made = MADE.iter().find(|(name, _)| what.study == Path::new(name));
+    if let Some((name, run)) = made {
         if slurm {
-            return Err(BadInput::new("`stability` takes a minute or two and runs on this machine alone")
-                .with_help("leave `--engine slurm` out")
-                .into());
+            return Err(BadInput::new(format!(
+                "`{name}` takes a minute or two and runs on this machine alone"
+            ))
+            .with_help("leave `--engine slurm` out")
+            .into());
         }
-        return run_stability(args, jobs, out);
+        return run_made(name, *run, args, jobs, out);
     }
-    if args.only.is_some() {
-        return Err(BadInput::new(format!("`--only` is for `lrbsim study {}` alone", stability::NAME))
+    if args.only.is_some() || args.quick {
+        let given = if args.quick { "--quick" } else { "--only" };
+        let [(first, _), (second, _)] = MADE;
+        return Err(BadInput::new(format!("`{given}` is for `lrbsim study {first}` and `{second}` alone"))
             .with_help("the axes of a study file say which points are run")
             .into());
     }
@@ -281,37 +291,90 @@ fn run_points(what: &What, args: &StudyArgs, out: &mut impl Write) -> Result<boo
     Ok(failed == 0)
 }
 
-/// Runs the study of stability, whose points are a list of scenes of its own; none is kept in the cache.
-fn run_stability(args: &StudyArgs, jobs: usize, out: &mut impl Write) -> Result<bool, Failure> {
-    let target = args.out.clone().unwrap_or_else(|| study::default_dir(stability::NAME));
+/// What came of a study whose scenes are made for it.
+struct Made {
+    json: String,
+    /// What is printed of it.
+    first: Finding,
+    /// How many of what it ran.
+    count: String,
+    failed: usize,
+    file: &'static str,
+    paths: Vec<PathBuf>,
+}
+
+type RunMade = fn(&StudyArgs, HostOptions, &super::progress::Bar, &Path) -> Result<Made, BadInput>;
+
+/// Studies whose scenes are made for them, by name; none of their points is kept in the cache.
+const MADE: [(&str, RunMade); 2] = [(stability::NAME, run_stability), (table3::NAME, run_table3)];
+
+/// Runs a study whose scenes are made for it.
+fn run_made(
+    name: &str,
+    run: RunMade,
+    args: &StudyArgs,
+    jobs: usize,
+    out: &mut impl Write,
+) -> Result<bool, Failure> {
+    let target = args.out.clone().unwrap_or_else(|| study::default_dir(name));
     ResultDir::open(&target)
         .map_err(|error| BadInput::from(error).with_help("`-o` must name a folder that can be written"))?;
     on_interrupt(|| ());
     let watch = Stopwatch::start();
     let bar = super::progress::Bar::new(std::io::stderr().is_terminal());
     let host = HostOptions { threads: jobs, ..HostOptions::default() };
-    let request = StabilityRequest { only: args.only.clone(), quick: false, host };
-    let report = stability::run_stability(&request, &bar)?;
+    let Made { json, first, count, failed, file, paths } = run(args, host, &bar, &target)?;
     bar.finish();
-    let paths = stability::write(&target, &report)?;
-    let (points, failed) = report.count();
     if args.json {
-        out.write_all(report.to_json().as_bytes())?;
+        out.write_all(json.as_bytes())?;
         return Ok(failed == 0);
     }
-    let findings = report.findings();
-    writeln!(out, "{}\n\n{}", findings[0].title, findings[0].sheet.terminal())?;
-    let points = counted(points as u64, "point");
-    writeln!(out, "{points}, {failed} failed; {:.1} s", watch.elapsed().as_secs_f64())?;
+    writeln!(out, "{}\n\n{}", first.title, first.sheet.terminal())?;
+    for note in &first.notes {
+        writeln!(out, "{note}")?;
+    }
+    writeln!(out, "{count}, {failed} failed; {:.1} s", watch.elapsed().as_secs_f64())?;
     let page = target.join("report.html");
-    writeln!(
-        out,
-        "wrote {}, {} and {} more files beside it",
-        page.display(),
-        stability::FILE,
-        paths.len() - 2
-    )?;
+    writeln!(out, "wrote {}, {file} and {} more files beside it", page.display(), paths.len() - 2)?;
     Ok(failed == 0)
+}
+
+fn run_stability(
+    args: &StudyArgs,
+    host: HostOptions,
+    bar: &super::progress::Bar,
+    target: &Path,
+) -> Result<Made, BadInput> {
+    let request = StabilityRequest { only: args.only.clone(), quick: args.quick, host };
+    let report = stability::run_stability(&request, bar)?;
+    let (points, failed) = report.count();
+    Ok(Made {
+        json: report.to_json(),
+        // What breaks where is on the page.
+        first: Finding { notes: Vec::new(), ..report.findings().swap_remove(0) },
+        count: counted(points as u64, "point"),
+        failed,
+        file: stability::FILE,
+        paths: stability::write(target, &report)?,
+    })
+}
+
+fn run_table3(
+    args: &StudyArgs,
+    host: HostOptions,
+    bar: &super::progress::Bar,
+    target: &Path,
+) -> Result<Made, BadInput> {
+    let request = Table3Request { only: args.only.clone(), quick: args.quick, host };
+    let report = table3::run_table3(&request, bar)?;
+    Ok(Made {
+        json: report.to_json(),
+        first: report.findings().swap_remove(0),
+        count: counted(report.rows.len() as u64, "method"),
+        failed: 0,
+        file: table3::FILE,
+        paths: table3::write(target, &report)?,
+    })
 }
 
 /// Bar on standard error, measured in work and not in points: points differ in cost.

@@ -2,11 +2,10 @@
 //!
 //! Every scene is a floor, something over it, a lamp and a camera, a few units large; [`SIZE`] is the side of the floor.
 
-use lrbsim_workloads::glam::{DMat3, DVec2, DVec3};
-use lrbsim_workloads::scene::Procedural;
-use lrbsim_workloads::{Camera, ImageSize, Light, Mesh, MeshSource, Scene, SceneError, SceneFile};
+use lrbsim_workloads::glam::{DVec2, DVec3};
+use lrbsim_workloads::{Camera, ImageSize, Light, Mesh, Scene, SceneError};
 
-use super::shapes::Parts;
+use crate::made::{self, Parts, turned};
 
 /// Side of the floor: what is called the size of a scene.
 const SIZE: f64 = 4.0;
@@ -48,10 +47,7 @@ impl Family {
     /// If the program refuses it.
     pub fn scene(&self, x: f64) -> Result<Scene, SceneError> {
         let Setup { mesh, camera, image, light } = (self.make)(x);
-        let mesh_source = Procedural { procedural: format!("stability {}", self.id), seed: 1, detail: 1 };
-        let file =
-            SceneFile { mesh: MeshSource::Procedural(mesh_source), camera, image, light, motion: None };
-        Scene::new(self.id, &file, mesh)
+        made::scene(super::NAME, self.id, mesh, light, (camera, image))
     }
 }
 
@@ -295,21 +291,7 @@ pub const FAMILIES: &[Family] = &[
         varied: "Two halves of a slanted sheet meet at a seam that only one of them has corners on.",
         meaning: "The edges of both halves are borders of their own and lie along one another; light must not leak between.",
         points: &[0.0, 1.0, 3.0, 7.0, 15.0, 63.0, 255.0, 1023.0],
-        make: |x| {
-            let at =
-                |s: f64, t: f64| turned(DVec3::new(0.6 * s, 0.0, 1.2 * t - 0.6)) + DVec3::new(0.1, 1.2, 0.0);
-            let count = x as u32 + 1;
-            let corners: Vec<DVec3> = (0..=count)
-                .map(|k| f64::from(k) / f64::from(count))
-                .flat_map(|t| [at(0.0, t), at(1.0, t)])
-                .collect();
-            let triangles: Vec<[u32; 3]> =
-                (0..count).map(|k| 2 * k).flat_map(|a| [[a, a + 2, a + 3], [a, a + 3, a + 1]]).collect();
-            let parts = floor()
-                .quad("left half", [at(-1.0, 0.0), at(-1.0, 1.0), at(0.0, 1.0), at(0.0, 0.0)])
-                .with("right half", &corners, &triangles);
-            Setup::new(parts, LAMP, RADIUS)
-        },
+        make: |x| Setup::new(floor().seam(DVec3::new(0.1, 1.2, 0.0), x as u32), LAMP, RADIUS),
     },
     Family {
         id: "image",
@@ -345,8 +327,3 @@ pub const FAMILIES: &[Family] = &[
         },
     },
 ];
-
-/// `p` turned about two axes, so that no coordinate stays a round number.
-fn turned(p: DVec3) -> DVec3 {
-    DMat3::from_rotation_z(0.23) * (DMat3::from_rotation_y(0.37) * p)
-}

@@ -1,6 +1,5 @@
 //! How right one picture is.
 
-use lrbsim_isa::{Arena, Runner, Step, run_functional};
 use lrbsim_kernels::method::Shadows;
 use lrbsim_reports::base64;
 use lrbsim_reports::picture::shaded_png;
@@ -11,7 +10,8 @@ use lrbsim_workloads::{Adjacency, EyeView, Scene, ShadowInput};
 
 use crate::algorithm::Algorithm;
 use crate::error::BadInput;
-use crate::frame::{Frame, HostOptions, no_memory};
+use crate::frame::{Frame, HostOptions};
+use crate::made::{draw, number};
 
 /// Shadow rays of a receiver.
 pub(super) const SAMPLES: u32 = 256;
@@ -95,22 +95,9 @@ fn picture(scene: &Scene, eye: &EyeView, visibility: &[f32]) -> Option<String> {
     })
 }
 
-/// The picture of `input`, run functionally: nothing is timed.
-fn draw(algorithm: &Algorithm, input: &ShadowInput, host: HostOptions) -> Result<Shadows, BadInput> {
-    let mut arena = Arena::reserve().map_err(no_memory)?;
-    let mut run_step = |_: &'static lrbsim_isa::Phase, step: &Step, arena: &mut Arena| {
-        run_functional(step, arena, host.simd, host.threads);
-        Ok(())
-    };
-    let shadows = algorithm.run(input, &mut Runner::new(&mut arena, &mut run_step));
-    arena.check().map_err(no_memory)?;
-    shadows.map_err(|stopped| BadInput::new(stopped.to_string()))
-}
-
-/// Every `step`th visibility. One that is no number is off by a whole light or more: it must neither hide in a sum nor spoil it.
+/// Every `step`th visibility.
 fn every_number(step: usize, visibility: &[f32]) -> Vec<f64> {
-    let number = |visible: &f32| if visible.is_finite() { f64::from(*visible) } else { 2.0 };
-    visibility.iter().step_by(step).map(number).collect()
+    visibility.iter().step_by(step).copied().map(number).collect()
 }
 
 /// Every `step`th receiver of a view.

@@ -10,12 +10,10 @@
 
 mod families;
 mod judge;
-mod shapes;
 
 use std::panic::AssertUnwindSafe;
 use std::path::{Path, PathBuf};
 
-use lrbsim_reports::files::ResultDir;
 use lrbsim_reports::page;
 use lrbsim_reports::stability::{
     Outcome, STABILITY_SCHEMA_VERSION, StabilityFamily, StabilityPoint, StabilityReport,
@@ -24,6 +22,7 @@ use lrbsim_reports::stability::{
 use crate::algorithm::Algorithm;
 use crate::error::BadInput;
 use crate::frame::{HostOptions, SEMANTICS, on_host_threads};
+use crate::made;
 use crate::progress::Progress;
 use crate::study::said;
 
@@ -143,10 +142,5 @@ pub fn drawings(report: &StabilityReport) -> Vec<(String, Vec<u8>)> {
 
 /// Writes the results of the study to `dir`, its JSON last, in place of the results there, and tells their paths.
 pub fn write(dir: &Path, report: &StabilityReport) -> Result<Vec<PathBuf>, BadInput> {
-    let mut dir = ResultDir::open(dir)?;
-    for (name, bytes) in drawings(report) {
-        dir.stage(&name, &bytes)?;
-    }
-    dir.stage(FILE, report.to_json().as_bytes())?;
-    Ok(dir.replace()?)
+    made::write(dir, &drawings(report), FILE, &report.to_json())
 }

@@ -16,6 +16,7 @@ use crate::picture::{ERROR_COLORS, ERROR_SCALE_END};
 use crate::run::RunReport;
 use crate::sheet::{Cell, Sheet};
 use crate::stability::{COLUMNS, StabilityPoint, StabilityReport};
+use crate::table3::{Quality, Table3Report};
 
 const HTML: &str = include_str!("page.html");
 const CSS: &str = include_str!("page.css");
@@ -120,6 +121,27 @@ pub fn of_stability(report: &StabilityReport) -> String {
         "columns": COLUMNS,
     });
     page("How stable the pictures are", &data)
+}
+
+/// The page of the study of Table 3.
+pub fn of_table3(report: &Table3Report) -> String {
+    let findings: Vec<Value> = report.findings().iter().map(finding).collect();
+    let qualities = Quality::ALL.map(|quality| {
+        let holds = |figure: f64| quality.holds(figure);
+        let ticks: Vec<Vec<bool>> =
+            report.all().map(|row| row.of(quality).map(|case| holds(case.figure)).collect()).collect();
+        serde_json::json!({"id": quality, "about": [quality.measured(), quality.limit()], "ticks": ticks})
+    });
+    let title = "Visual qualities, by measurement";
+    let data = serde_json::json!({
+        "kind": "table3",
+        "title": title,
+        "introduction": report.introduction(),
+        "report": report,
+        "findings": findings,
+        "qualities": qualities,
+    });
+    page(title, &data)
 }
 
 /// A finding as the page takes it.

@@ -388,6 +388,24 @@ function stabilitySections() {
   return [...data.introduction.map(paragraph), section(whole.title, ...whole.notes.map(paragraph), table(whole.sheet.columns, whole.sheet.rows)), terms, ...families.map(family)];
 }
 
+// The table first, then each quality: how it is measured, its figures, and what each method draws beside the truth.
+function table3Sections() {
+  const [whole, ...findings] = data.findings;
+  const paragraph = (text) => element("p", {}, text);
+  const rows = [...data.report.truths, ...data.report.rows];
+  const quality = (finding, index) => {
+    const { id, about, ticks } = data.qualities[index];
+    const cases = rows.map((row) => row.cases.filter((one) => one.quality === id));
+    const strip = (name, at) => [note(name), element("div", { class: "strip" }, ...rows.map((row, i) => {
+      const one = cases[i][at], image = element("img", { src: `data:image/png;base64,${one.picture}`, alt: `${row.name}, ${name}` });
+      return element("figure", { class: ticks[i][at] ? null : "breaks" }, image, element("figcaption", {}, element("b", {}, short(one.figure)), ` ${row.name}${i < data.report.truths.length ? ", " + row.light : ""}`));
+    }))];
+    return section(finding.title, ...about.map(paragraph), ...cases[0].flatMap((one, at) => strip(one.case, at)), plotOf(finding),
+      element("details", {}, element("summary", {}, "all figures"), table(finding.sheet.columns, finding.sheet.rows)));
+  };
+  return [...data.introduction.map(paragraph), section(whole.title, table(whole.sheet.columns, whole.sheet.rows), ...whole.notes.map(paragraph)), ...findings.map(quality)];
+}
+
 function framesSections(frames) {
   const timed = frames.frames.every((frame) => frame.ms !== null);
   const ids = frames.frames[0].phases.map((phase) => phase.id);
@@ -399,5 +417,5 @@ function framesSections(frames) {
 }
 
 document.getElementById("title").textContent = data.title;
-const makers = { run: () => runSections(data.report, data.pictures), study: () => studySections(data.study), stability: stabilitySections, frames: () => framesSections(data.frames) };
+const makers = { run: () => runSections(data.report, data.pictures), study: () => studySections(data.study), stability: stabilitySections, table3: table3Sections, frames: () => framesSections(data.frames) };
 main.append(...makers[data.kind]());

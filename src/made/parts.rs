@@ -1,13 +1,13 @@
-//! Plain parts that the scenes of the study are put together from.
+//! Plain parts that made scenes are put together from.
 
-use core::f64::consts::TAU;
+use core::f64::consts::{PI, TAU};
 
-use lrbsim_workloads::glam::{DVec2, DVec3};
+use lrbsim_workloads::glam::{DMat3, DVec2, DVec3};
 use lrbsim_workloads::{Mesh, ObjectRange};
 
 /// A mesh that grows part by part; every part is an object with a name, so that warnings can name it.
 #[derive(Debug, Default)]
-pub(super) struct Parts(Mesh);
+pub(crate) struct Parts(Mesh);
 
 impl Parts {
     pub fn finish(self) -> Mesh {
@@ -74,4 +74,57 @@ impl Parts {
         let triangles: Vec<[u32; 3]> = (0..sides * sides).flat_map(field).collect();
         self.with(name, &corners, &triangles)
     }
+
+    /// The parts so far with a round body about `center`, of `rings` rings of twice as many fields, two triangles each.
+    pub fn ball(self, name: &str, center: DVec3, radius: f64, rings: u32) -> Self {
+        let row = 2 * rings;
+        let ring = |i: u32| {
+            let level = DVec2::from_angle(PI * f64::from(i) / f64::from(rings));
+            let corner = move |k: u32| {
+                let out = DVec2::from_angle(TAU * f64::from(k) / f64::from(row)) * level.y;
+                center + DVec3::new(out.x, level.x, out.y) * radius
+            };
+            (0..row).map(corner)
+        };
+        let corners: Vec<DVec3> = (1..rings)
+            .flat_map(ring)
+            .chain([center + DVec3::Y * radius, center - DVec3::Y * radius])
+            .collect();
+        let [top, bottom] = [(rings - 1) * row, (rings - 1) * row + 1];
+        let column = |k: u32| {
+            let next = (k + 1) % row;
+            let last = (rings - 2) * row;
+            let caps = [[top, next, k], [bottom, last + k, last + next]];
+            let field = move |i: u32| {
+                let [a, b] = [i * row + k, i * row + next];
+                [[a, b, b + row], [a, b + row, a + row]]
+            };
+            (0..rings - 2).flat_map(field).chain(caps)
+        };
+        let triangles: Vec<[u32; 3]> = (0..row).flat_map(column).collect();
+        self.with(name, &corners, &triangles)
+    }
+
+    /// The parts so far with a slanted sheet of two halves, which meet at a seam about `center` that only one of them has
+    /// `corners` on.
+    pub fn seam(self, center: DVec3, corners: u32) -> Self {
+        let at = |s: f64, t: f64| turned(DVec3::new(0.6 * s, 0.0, 1.2 * t - 0.6)) + center;
+        let count = corners + 1;
+        let right: Vec<DVec3> = (0..=count)
+            .map(|k| f64::from(k) / f64::from(count))
+            .flat_map(|t| [at(0.0, t), at(1.0, t)])
+            .collect();
+        let triangles: Vec<[u32; 3]> =
+            (0..count).map(|k| 2 * k).flat_map(|a| [[a, a + 2, a + 3], [a, a + 3, a + 1]]).collect();
+        self.quad("left half", [at(-1.0, 0.0), at(-1.0, 1.0), at(0.0, 1.0), at(0.0, 0.0)]).with(
+            "right half",
+            &right,
+            &triangles,
+        )
+    }
+}
+
+/// `p` turned about two axes, so that no coordinate stays a round number.
+pub(crate) fn turned(p: DVec3) -> DVec3 {
+    DMat3::from_rotation_z(0.23) * (DMat3::from_rotation_y(0.37) * p)
 }
