@@ -312,7 +312,7 @@ fn samples_weigh_what_the_oracles_say_and_without_skins_give_one_level_more_than
     for case in cases("heidrich_weights") {
         let samples = case["inputs"]["N"].as_u64().expect("a number");
         // Nothing jumps by all of its depth here.
-        let options = format!("samples={samples},threshold=1");
+        let options = format!("size=512,samples={samples},threshold=1");
         let (end, inner) = (expected(&case, "end"), expected(&case, "inner"));
         // Between the borders of the shadows of two samples there is a level, and one at either end.
         let step = 0.8 / (samples - 1) as f64;
@@ -457,7 +457,7 @@ fn what_both_ends_see_is_lit_unless_skins_are_as_printed() {
 fn soft_shadow_maps_are_the_same_on_all_back_ends_and_their_tasks_are_short() {
     let input = under_a_line("tiny", DVec3::new(0.15, 0.0, 0.05), (120, 90)).2;
     same_on_all_back_ends(&Heidrich, "size=256", &input);
-    same_on_all_back_ends(&Heidrich, "size=1024,samples=3", &input);
+    same_on_all_back_ends(&Heidrich, "size=512,samples=3", &input);
     same_on_all_back_ends(
         &Heidrich,
         "size=128,samples=4,skin=printed,interpolation=perspective,bias=constant",
