@@ -97,7 +97,8 @@ fn what_nobody_wrote_changes_neither_picture_nor_figures() {
     let of_sism = ["overlap=sum", "overlap=product", "overlap=max", "lights=2", "form=printed,overlap=sum"];
     let of_sism = of_sism.map(|options| ("tiny", &Sism as &dyn Method, options));
     // The light is a point: it has no silhouettes and no parts.
-    for (scene, method, options) in each.chain(of_sism).chain([("palm", &Sism as &dyn Method, "")]) {
+    let palm = ["", "overlap=sum"].map(|options| ("palm", &Sism as &dyn Method, options));
+    for (scene, method, options) in each.chain(of_sism).chain(palm) {
         let case = format!("{scene} by {} with {options:?}", method.entry().name);
         let (mut scene, eye, _) = shipped(scene, Some((96, 64)));
         scene.light = light_for(method, scene.light);
@@ -111,5 +112,6 @@ fn what_nobody_wrote_changes_neither_picture_nor_figures() {
             assert_eq!(steps.len(), other_steps.len());
             assert!(picture == other_picture, "{case} and {word:#x}: the picture");
         }
+        assert_eq!(picture.len(), input.receivers.len(), "{case}");
     }
 }

@@ -41,7 +41,7 @@ impl Quality {
 
     /// The least and the greatest figure that a method with this quality may have; [`Quality::limit`] says why.
     ///
-    /// They were chosen for what an eye notices, before anything was measured.
+    /// They were chosen for what an eye notices.
     pub fn limits(self) -> (f64, f64) {
         match self {
             Quality::InnerPenumbra | Quality::OuterPenumbra => (0.5, f64::INFINITY),
@@ -58,7 +58,7 @@ impl Quality {
         (least..=most).contains(&figure)
     }
 
-    /// Of figures of several cases, the one that counts: the farthest from what is right.
+    /// The figure that counts among those of several cases: the farthest from what is right.
     pub fn worst(self, figures: impl Iterator<Item = f64>) -> f64 {
         let off = |figure: f64| match self {
             Quality::InnerPenumbra | Quality::OuterPenumbra => -figure,
@@ -109,7 +109,7 @@ impl Quality {
                  and that see some of it: the light that the method sees there, divided by what is truly seen."
             }
             Quality::OuterPenumbra => {
-                "The same edge. Of the receivers that see the middle of the lamp but not all of it: the darkness that the method \
+                "The straight edge of a level sheet over a floor. Of the receivers that see the middle of the lamp but not all of it: the darkness that the method \
                  finds there, divided by the true one. Above 1, the shadow is too large."
             }
             Quality::AccurateOverlap => {
@@ -173,7 +173,7 @@ pub struct Table3Report {
     pub samples: u32,
     /// The truth under each kind of light, measured as methods are.
     pub truths: Vec<Table3Row>,
-    /// The methods, each under the light that it is made for.
+    /// The methods, each under the first of a ball, a rectangle and a line that it draws.
     pub rows: Vec<Table3Row>,
 }
 
@@ -273,12 +273,12 @@ impl Table3Report {
                 .to_owned(),
             format!(
                 "A cell holds the figure that was measured, and a tick if it is within the limits at the head of the column. Without a tick, the first \
-                 three columns mean a picture that is plausible but wrong, the others something that disturbs. Each method is judged under the kind \
-                 of lamp that it is made for, with the same size: a ball, a rectangle or a line. What is true, closed forms and {} shadow rays in 64-bit \
+                 three columns mean a picture that is plausible but wrong, the others something that disturbs. Each method is judged under the first \
+                 of a ball, a rectangle and a line that it draws, all of one size. What is true, closed forms and {} shadow rays in 64-bit \
                  numbers tell; measured as a method is, the truth has every tick.",
                 self.samples
             ),
-            "Receivers lie in a window of the floor, closer together than texels; four more at its corners make maps as large as for a picture of \
+            "Receivers lie in a window of the floor; four more at its corners make maps as large as for a picture of \
              all of it. Maps have their default sizes."
                 .to_owned(),
         ]

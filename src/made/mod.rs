@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use lrbsim_isa::{Arena, Runner, Step, run_functional};
 use lrbsim_kernels::method::Shadows;
+use lrbsim_reports::analysis::Finding;
 use lrbsim_reports::files::ResultDir;
 use lrbsim_workloads::scene::Procedural;
 use lrbsim_workloads::{
@@ -53,6 +54,14 @@ pub(crate) fn draw(
 /// A visibility as it is judged. One that is no number is off by a whole light or more: it must neither hide in a sum nor spoil it.
 pub(crate) fn number(visible: f32) -> f64 {
     if visible.is_finite() { f64::from(visible) } else { 2.0 }
+}
+
+/// The files of a study other than its results, all drawn from them: names and bytes.
+pub(crate) fn drawings(markdown: String, findings: &[Finding], page: String) -> Vec<(String, Vec<u8>)> {
+    let mut files = vec![("table.md".to_owned(), markdown.into_bytes())];
+    files.extend(findings.iter().flat_map(Finding::files));
+    files.push(("report.html".to_owned(), page.into_bytes()));
+    files
 }
 
 /// Writes the results of a study to `dir`, its JSON last, in place of the results there, and tells their paths.

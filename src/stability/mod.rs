@@ -132,12 +132,7 @@ fn point(
 
 /// The files of the study other than its results, all drawn from them: names and bytes.
 pub fn drawings(report: &StabilityReport) -> Vec<(String, Vec<u8>)> {
-    let mut files = vec![("table.md".to_owned(), report.markdown().into_bytes())];
-    for finding in report.findings() {
-        files.extend(finding.files());
-    }
-    files.push(("report.html".to_owned(), page::of_stability(report).into_bytes()));
-    files
+    made::drawings(report.markdown(), &report.findings(), page::of_stability(report))
 }
 
 /// Writes the results of the study to `dir`, its JSON last, in place of the results there, and tells their paths.

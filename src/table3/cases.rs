@@ -3,9 +3,10 @@
 use lrbsim_reports::table3::Quality;
 use lrbsim_workloads::{EyeView, Scene};
 
-use super::scenes::SLIGHT;
+use super::scenes::in_penumbra;
 
 /// One picture that is asked for, and what is true of it.
+#[derive(Clone)]
 pub struct View {
     /// The scene, with the lamp in its place.
     pub scene: Scene,
@@ -23,7 +24,7 @@ pub struct Case {
     pub id: String,
     /// The pictures: one, or one for each step of a motion.
     pub views: Vec<View>,
-    /// Which receivers are asked.
+    /// For each receiver that is judged, whether it counts in the figure.
     asked: Vec<bool>,
 }
 
@@ -57,7 +58,6 @@ impl Case {
     /// Root mean square of what changes in a step, over receivers that are in the penumbra before it and after it, of what is
     /// drawn beyond a [`Profile`]: a penumbra of another shape is wrong, and neither saws nor flickers.
     fn flicker(&self, drawn: &[Vec<f64>]) -> f64 {
-        let in_penumbra = |visible: f64| (SLIGHT..=1.0 - SLIGHT).contains(&visible);
         let pairs = self.views.iter().zip(drawn).flat_map(|(view, drawn)| view.truth.iter().zip(drawn));
         let profile = Profile::new(pairs.map(|(x, y)| (*x, *y)).filter(|(x, _)| in_penumbra(*x)).collect());
         let mut changes = Vec::new();
@@ -82,7 +82,7 @@ struct Profile {
 }
 
 impl Profile {
-    /// How far a line is fitted to both sides: 4 levels of 64, so that neither they nor noise are part of the profile.
+    /// How far a line is fitted to each side: 2 levels of 64, 4 in all, so that neither they nor noise are part of the profile.
     const REACH: f64 = 1.0 / 32.0;
 
     fn new(mut pairs: Vec<(f64, f64)>) -> Profile {

@@ -35,7 +35,7 @@ pub const FILE: &str = "table3.json";
 
 /// Options that are worth a row beside the defaults of their method.
 const VARIANTS: [&str; 6] = [
-    // The paper's own.
+    // As Johnson et al. have it.
     "sism:overlap=sum",
     "pcss:search=64,taps=128",
     "heidrich:samples=5",
@@ -49,7 +49,7 @@ const VARIANTS: [&str; 6] = [
 pub struct Table3Request {
     /// Only methods whose names, with options, contain this.
     pub only: Option<String>,
-    /// Fewer receivers and shorter motions.
+    /// Whether scenes have fewer receivers and shorter motions.
     pub quick: bool,
     /// How the host goes about it; changes no result.
     pub host: HostOptions,
@@ -156,12 +156,7 @@ fn drawn(algorithm: &Algorithm, view: &View, host: HostOptions) -> Result<Vec<f6
 
 /// The files of the study other than its results, all drawn from them: names and bytes.
 pub fn drawings(report: &Table3Report) -> Vec<(String, Vec<u8>)> {
-    let mut files = vec![("table.md".to_owned(), report.markdown().into_bytes())];
-    for finding in report.findings() {
-        files.extend(finding.files());
-    }
-    files.push(("report.html".to_owned(), page::of_table3(report).into_bytes()));
-    files
+    made::drawings(report.markdown(), &report.findings(), page::of_table3(report))
 }
 
 /// Writes the results of the study to `dir`, its JSON last, in place of the results there, and tells their paths.

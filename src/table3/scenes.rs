@@ -19,7 +19,7 @@ pub(super) const SAMPLES: u32 = 1024;
 /// Half of the floor's side.
 const FLOOR: f64 = 2.0;
 
-/// Places of the four receivers that make maps as large as for a picture of all of the floor.
+/// Distance from both axes of the four receivers that make maps as large as for a picture of all of the floor.
 const PIN: f64 = 1.9;
 
 /// Width on the floor of a texel of the largest default map, were it as wide as the pins.
@@ -34,8 +34,11 @@ const RADIUS: f64 = 0.25;
 /// Angle of edges to the axes, along which texels lie.
 const SLANT: f64 = 0.37;
 
-/// Part of the light from which on to its whole there is a penumbra.
-pub(super) const SLIGHT: f64 = 1e-3;
+/// Whether a receiver that sees this part of the light is in a penumbra: rounding is none.
+pub(super) fn in_penumbra(visible: f64) -> bool {
+    const SLIGHT: f64 = 1e-3;
+    (SLIGHT..=1.0 - SLIGHT).contains(&visible)
+}
 
 /// Kinds of lamps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -147,7 +150,7 @@ fn floor() -> Parts {
     Parts::default().level("floor", DVec3::ZERO, FLOOR)
 }
 
-/// `at` the height `height`.
+/// The point that lies `height` over the place `at` of the floor.
 fn raised(at: DVec2, height: f64) -> DVec3 {
     DVec3::new(at.x, height, at.y)
 }
@@ -215,12 +218,11 @@ pub fn cases(lamp: Lamp, quick: bool) -> Vec<Case> {
 fn edge(lamp: Lamp, side: u32) -> Vec<Case> {
     let light = lamp.light(LAMP, RADIUS);
     let window = Window { center: DVec2::ZERO, half: 0.75 * penumbra(RADIUS, LOW.height), side };
+    let view = view("edge", LOW.add_to(floor()), light, window, By::Form);
+    let hard = rays(&view.scene, &Light::Point { center: LAMP }, &view.eye, 1);
     let case = |quality: Quality, inner: bool| {
-        let view = view("edge", LOW.add_to(floor()), light, window, By::Form);
-        let hard = rays(&view.scene, &Light::Point { center: LAMP }, &view.eye, 1);
-        let in_penumbra = |visible: f64| (SLIGHT..=1.0 - SLIGHT).contains(&visible);
         let asked = view.truth.iter().zip(&hard).map(|(v, hard)| in_penumbra(*v) && (*hard == 0.0) == inner);
-        Case::new(quality, "edge", asked.collect(), vec![view])
+        Case::new(quality, "edge", asked.collect(), vec![view.clone()])
     };
     vec![case(Quality::InnerPenumbra, true), case(Quality::OuterPenumbra, false)]
 }
@@ -230,8 +232,7 @@ fn overlap(lamp: Lamp, id: &str, low: Half, high: Half, side: u32) -> Case {
     let light = lamp.light(LAMP, RADIUS);
     let window = Window { center: DVec2::ZERO, half: 0.55 * penumbra(RADIUS, low.height), side };
     let alone = [low, high].map(|sheet| view(id, sheet.add_to(floor()), light, window, By::Form).truth);
-    let is_part = |visible: &f64| (SLIGHT..=1.0 - SLIGHT).contains(visible);
-    let asked = alone[0].iter().zip(&alone[1]).map(|(a, b)| is_part(a) && is_part(b)).collect();
+    let asked = alone[0].iter().zip(&alone[1]).map(|(a, b)| in_penumbra(*a) && in_penumbra(*b)).collect();
     let both = view(id, high.add_to(low.add_to(floor())), light, window, By::Rays);
     Case::new(Quality::AccurateOverlap, id, asked, vec![both])
 }
@@ -250,7 +251,7 @@ fn motion(lamp: Lamp, id: &str, radius: f64, steps: u32, side: u32) -> Case {
 
 /// Umbras that nothing breaks.
 fn dark(lamp: Lamp, side: u32) -> [Case; 4] {
-    /// Smaller than elsewhere, so that umbras are large.
+    /// Radius of the lamp in these scenes: smaller than elsewhere, so that umbras are large.
     const RADIUS: f64 = 0.1;
     let case = |id: &str, parts: Parts, center: DVec3, window: Window, top: f64| {
         let view = view(id, parts, lamp.light(center, RADIUS), window, By::Rays);

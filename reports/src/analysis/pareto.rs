@@ -25,16 +25,11 @@ pub(super) fn pareto(data: &Data, analysis: &Analysis) -> Finding {
     let mut rated: Vec<(String, Rated)> = Vec::new();
     for (name, known) in &groups {
         let front = front(&known.iter().map(|known| known.place).collect::<Vec<_>>());
-        for (Known { row, place }, on) in known.iter().zip(&front) {
+        for (point, on) in known.iter().zip(&front) {
+            let row = point.row;
             let others = row.values.iter().enumerate().filter(|(axis, _)| Some(*axis) != each);
             let rival = others.map(|(_, value)| show_value(value)).collect::<Vec<_>>().join(", ");
-            let others = data.columns.iter().filter(|path| ![&x, &y].contains(path));
-            let others =
-                others.filter_map(|path| Some(format!("{} {}", title(path), short(data.number(row, path)?))));
-            rated.push((
-                rival,
-                Rated { place: *place, on: *on, group: name.clone(), others: others.collect() },
-            ));
+            rated.push((rival, Rated { point, on: *on, group: name }));
             let mut cells: Vec<Cell> = row.values.iter().map(Cell::value).collect();
             cells.extend(extra.iter().map(|path| Cell::maybe(data.number(row, path))));
             cells.push(Cell::Text(if *on { "yes" } else { "" }.to_owned()));
@@ -68,7 +63,7 @@ pub(super) fn pareto(data: &Data, analysis: &Analysis) -> Finding {
     let mut notes = vec![note];
     if each.is_some() {
         let rivals = grouped(rated.into_iter());
-        notes.extend(rivals.iter().map(|(rival, points)| summary(rival, points, &x, &y)));
+        notes.extend(rivals.iter().map(|(rival, points)| summary(data, rival, points, [&x, &y])));
     }
     Finding {
         name: "pareto".to_owned(),
@@ -80,17 +75,21 @@ pub(super) fn pareto(data: &Data, analysis: &Analysis) -> Finding {
 }
 
 /// What is to be had from one rival, over all groups, and what is known of it where it does worst: a sentence.
-fn summary(rival: &str, points: &[Rated], x: &str, y: &str) -> String {
+fn summary(data: &Data, rival: &str, points: &[Rated], [x, y]: [&String; 2]) -> String {
     let range = |number: fn(&(f64, f64)) -> f64| {
-        let numbers = || points.iter().map(|point| number(&point.place));
+        let numbers = || points.iter().map(|point| number(&point.point.place));
         let (low, high) =
             (numbers().fold(f64::INFINITY, f64::min), numbers().fold(f64::NEG_INFINITY, f64::max));
         if low == high { short(low) } else { format!("{} to {}", short(low), short(high)) }
     };
     let on = points.iter().filter(|point| point.on).count();
-    let worst = points.iter().max_by(|a, b| a.place.1.total_cmp(&b.place.1)).filter(|_| points.len() > 1);
+    let by_y = |a: &&Rated, b: &&Rated| a.point.place.1.total_cmp(&b.point.place.1);
+    let worst = points.iter().max_by(by_y).filter(|_| points.len() > 1);
     let worst = worst.map_or_else(String::new, |worst| {
-        let others: Vec<&str> = worst.others.iter().map(String::as_str).collect();
+        let others = data.columns.iter().filter(|path| ![x, y].contains(path));
+        let shown =
+            |path: &String| Some(format!("{} {}", title(path), short(data.number(worst.point.row, path)?)));
+        let others: Vec<String> = others.filter_map(shown).collect();
         let with = if others.is_empty() { "" } else { ", with " };
         format!(" Worst in {}{with}{}.", worst.group, others.join(", "))
     });
@@ -105,14 +104,12 @@ fn summary(rival: &str, points: &[Rated], x: &str, y: &str) -> String {
 }
 
 /// A point as its rival is judged by it.
-struct Rated {
-    place: (f64, f64),
+struct Rated<'a> {
+    point: &'a Known<'a>,
     /// Whether it is on the front.
     on: bool,
     /// The value that its group has in common.
-    group: String,
-    /// The other numbers that the study asks for, in words.
-    others: Vec<String>,
+    group: &'a str,
 }
 
 /// A point that has both numbers.
