@@ -9,9 +9,9 @@ use lrbsim::table3::{Case, Lamp, Table3Request, View, cases, row_names, run_tabl
 use lrbsim_kernels::method::METHODS;
 use lrbsim_reports::table3::{Quality, Table3Report};
 
-fn run(only: Option<&str>, threads: usize) -> Table3Report {
+fn run(algorithm: &str, threads: usize) -> Table3Report {
     let host = HostOptions { threads, ..HostOptions::default() };
-    let request = Table3Request { only: only.map(str::to_owned), quick: true, host };
+    let request = Table3Request { algorithms: vec![algorithm.to_owned()], only: None, quick: true, host };
     run_table3(&request, &Quiet).expect("methods of that name")
 }
 
@@ -54,6 +54,13 @@ fn the_truth_has_every_quality_and_a_picture_with_one_fault_lacks_one() {
     };
     assert_eq!(of_edge(|v| if v < 0.5 { 0.0 } else { v }), [Quality::InnerPenumbra]);
     assert_eq!(of_edge(|v| if v > 0.5 { 1.0 } else { v }), [Quality::OuterPenumbra]);
+    // No penumbra at all, of either shade.
+    for shade in [0.0, 1.0] {
+        let view = |view: &View| {
+            if view.scene.name == "edge" { vec![shade; view.truth.len()] } else { view.truth.clone() }
+        };
+        assert_eq!(lacking(&cases, view), [Quality::InnerPenumbra, Quality::OuterPenumbra], "{shade}");
+    }
     // Bands of a sixteenth, and a speck here and there in full shadow.
     assert_eq!(each(|_, v| (16.0 * v).round() / 16.0), [Quality::NoAliasing]);
     assert_eq!(each(|i, v| if v == 0.0 && i % 7 == 0 { 0.02 } else { v }), [Quality::NoLightLeaks]);
@@ -88,28 +95,29 @@ fn every_method_has_a_row_and_a_lamp_that_it_draws() {
 #[test]
 fn methods_have_the_qualities_that_they_must_and_those_of_the_paper_theirs() {
     // The others take a minute where arrays are filled with poison.
-    for (only, wanted) in [
+    for (name, wanted) in [
         ("sism:overlap=sum", "110111"),
         ("penumbra-map", "010011"),
-        ("hard", "00..11"),
+        // A border without width is two bands; the truth has neither.
+        ("hard", "000011"),
         ("raytrace:rays=256", "111.11"),
         ("sintorn", "111.11"),
         ("sintorn:samples=1024", "111111"),
     ] {
-        let report = run(Some(only), 2);
+        let report = run(name, 2);
         assert_eq!(report.truths[0].ticks(), [true; 6], "{}", report.markdown());
-        let row = report.rows.iter().find(|row| row.name == only).expect("a row of this name");
+        let [row] = &report.rows[..] else { panic!("{} rows", report.rows.len()) };
         let figures = Quality::ALL.map(|quality| row.figure(quality));
         for (tick, wanted) in row.ticks().into_iter().zip(wanted.chars()) {
-            assert!(wanted == '.' || tick == (wanted == '1'), "{only}: {figures:?}, not {wanted}");
+            assert!(wanted == '.' || tick == (wanted == '1'), "{name}: {figures:?}, not {wanted}");
         }
-        assert!(report.differences().iter().all(|text| text.contains("has the ticks")), "{only}");
+        assert!(report.differences().iter().all(|text| text.contains("has the ticks")), "{name}");
     }
 }
 
 #[test]
 fn any_number_of_host_threads_gives_the_same_bytes() {
-    assert_eq!(run(Some("hard"), 1).to_json(), run(Some("hard"), 3).to_json());
+    assert_eq!(run("hard", 1).to_json(), run("hard", 3).to_json());
 }
 
 #[test]
@@ -132,6 +140,9 @@ fn the_study_leaves_a_table_and_a_page_that_can_be_drawn_again() {
 fn what_is_no_method_or_no_study_of_this_kind_is_refused() {
     let folder = Folder::new();
     folder.run(&["study", "table3", "--only", "xyz"]).refused(&["no row of `table3`", "sism:overlap=sum"]);
+    folder.run(&["study", "table3", "-a", "pcs"]).refused(&["did you mean `pcss`?"]);
+    folder.run(&["study", "cores", "-a", "pcss"]).refused(&["`-a` is for `lrbsim study table3` alone"]);
+    folder.run(&["study", "stability", "-a", "pcss"]).refused(&["`-a` is for `lrbsim study table3` alone"]);
     folder.run(&["study", "cores", "--quick"]).refused(&["`--quick` is for", "`table3` alone"]);
     folder.run(&["study", "table3", "--engine", "slurm"]).refused(&["`table3`", "this machine alone"]);
 }

@@ -65,6 +65,8 @@ impl Quality {
             Quality::AccurateOverlap | Quality::NoAliasing | Quality::NoLightLeaks => figure,
             Quality::AllFrequencies => figure.ln().abs(),
         };
+        // What is no number, and contrast below 0, is as wrong as can be.
+        let off = |figure: f64| if off(figure).is_nan() { f64::INFINITY } else { off(figure) };
         figures.reduce(|worst, next| if off(next) > off(worst) { next } else { worst }).unwrap_or(f64::NAN)
     }
 
@@ -106,11 +108,11 @@ impl Quality {
         match self {
             Quality::InnerPenumbra => {
                 "The straight edge of a level sheet over a floor. Of the receivers that the sheet hides from the middle of the lamp, \
-                 and that see some of it: the light that the method sees there, divided by what is truly seen."
+                 and that see some of it: how far what the method draws is from all lit and from all dark, whichever is nearer, summed and divided by the \
+                 same of the truth. All lit, all dark and a hard border have 0; above 1, the penumbra is too wide or too even."
             }
             Quality::OuterPenumbra => {
-                "The straight edge of a level sheet over a floor. Of the receivers that see the middle of the lamp but not all of it: the darkness that the method \
-                 finds there, divided by the true one. Above 1, the shadow is too large."
+                "The straight edge of a level sheet over a floor. The same of the receivers that see the middle of the lamp but not all of it."
             }
             Quality::AccurateOverlap => {
                 "Two level sheets, one over the other. What they hide of the lamp is nested, crosses, lies apart, or meets where \
@@ -121,11 +123,12 @@ impl Quality {
                  1024 a side in each step; receivers stay. The figure is the root mean square, over receivers in the penumbra, of what changes \
                  in a step of all that is drawn beyond a smooth profile, which is a line fitted to what is drawn where the truth is within \
                  1/32: what saws, bands and flickers changes, and a penumbra of a wrong shape is no aliasing. A large lamp whose penumbra is 67 of these \
-                 texels wide, and a small one with 5."
+                 texels wide, and a small one with 5. A border narrower than 1/16 of the true penumbra is two bands, and so aliased."
             }
             Quality::NoLightLeaks => {
                 "A round body of 6240 triangles, a slanted sheet, two sheets that meet at a seam where only one has corners, and \
-                 a block that stands on the floor, up to where it stands. The figure is the greatest visibility found where all is truly dark \
+                 a block that stands on the floor, up to where it stands; the sheet and the seam also near by, with receivers closer than the texels of a map \
+                 of 1024. The figure is the greatest visibility found where all is truly dark \
                  within half of the widest penumbra around: nearer to its border, a shadow that is only a little too small is no leak."
             }
             Quality::AllFrequencies => {
@@ -140,7 +143,7 @@ impl Quality {
     pub fn limit(self) -> &'static str {
         match self {
             Quality::InnerPenumbra | Quality::OuterPenumbra => {
-                "The paper asks whether there is a penumbra at all: one with less than half of the light, or of the darkness, is nearer to none."
+                "The paper asks whether there is a penumbra at all: with less than half of its shades it is nearer to a hard border."
             }
             Quality::AccurateOverlap => {
                 "In the middle of a penumbra 0.02 of the lamp is 4 % of what is seen: an eye with nothing beside to compare with hardly \
@@ -213,19 +216,29 @@ struct Published {
     name: &'static str,
     /// The ticks, in the order of [`Quality::ALL`].
     ticks: [bool; 6],
+    /// What is to be known of the row beside its ticks: a sentence, or nothing.
+    remark: &'static str,
 }
 
 /// The published rows of methods that are here [johnson09, Table 3].
-const PUBLISHED: [Published; 2] = [
+const PUBLISHED: [Published; 3] = [
     Published {
         paper: "Johnson et al. 2009",
         name: "sism:overlap=sum",
         ticks: [true, true, false, true, true, true],
+        remark: "",
+    },
+    Published {
+        paper: "Fernando 2005",
+        name: "pcss",
+        ticks: [true, true, true, false, true, true],
+        remark: " These ticks of the paper were taken from its text and not checked against the printed page.",
     },
     Published {
         paper: "Wyman and Hansen 2003",
         name: "penumbra-map",
         ticks: [false, true, false, false, true, true],
+        remark: "",
     },
 ];
 
@@ -249,14 +262,16 @@ impl Table3Row {
     }
 }
 
-/// A figure as the table has it.
-fn shown(figure: f64) -> String {
-    match figure {
-        0.0 => "0".to_owned(),
-        small if small < 0.0005 => "< 0.001".to_owned(),
-        small if small < 0.1 => format!("{small:.3}"),
-        large => format!("{large:.2}"),
-    }
+/// A figure as the table has it: short, but never so that it seems to be on the other side of a limit.
+fn shown(quality: Quality, figure: f64) -> String {
+    let digits = match figure {
+        0.0 => return "0".to_owned(),
+        small if (0.0..0.0005).contains(&small) => return "< 0.001".to_owned(),
+        small if small < 0.1 => 3,
+        _ => 2,
+    };
+    let as_held = |text: &String| text.parse().is_ok_and(|read| quality.holds(read) == quality.holds(figure));
+    (digits..9).map(|digits| format!("{figure:.digits$}")).find(as_held).unwrap_or_else(|| figure.to_string())
 }
 
 impl Table3Report {
@@ -296,7 +311,11 @@ impl Table3Report {
         let mut rows = Vec::new();
         for row in &self.rows {
             let cells = Quality::ALL.iter().zip(row.ticks()).map(|(quality, tick)| {
-                Cell::Text(format!("{} {}", if tick { TICK } else { CROSS }, shown(row.figure(*quality))))
+                Cell::Text(format!(
+                    "{} {}",
+                    if tick { TICK } else { CROSS },
+                    shown(*quality, row.figure(*quality))
+                ))
             });
             let names = [Cell::Text(row.name.clone()), Cell::Text(row.light.clone())];
             rows.push(names.into_iter().chain(cells).collect());
@@ -318,7 +337,7 @@ impl Table3Report {
     /// Where ours differs from what was published: sentences.
     pub fn differences(&self) -> Vec<String> {
         let mut notes = Vec::new();
-        for Published { paper, name, ticks } in PUBLISHED {
+        for Published { paper, name, ticks, remark } in PUBLISHED {
             let Some(row) = self.rows.iter().find(|row| row.name == name) else { continue };
             let differ: Vec<String> = Quality::ALL
                 .iter()
@@ -326,13 +345,13 @@ impl Table3Report {
                 .filter(|(_, (ours, published))| **ours != *published)
                 .map(|(quality, (_, published))| {
                     let has = if published { "ticked there" } else { "not ticked there" };
-                    let figure = shown(row.figure(*quality));
+                    let figure = shown(*quality, row.figure(*quality));
                     format!("{} is {has} and {figure} here.", quality.title())
                 })
                 .collect();
             notes.push(match &differ[..] {
-                [] => format!("`{name}` has the ticks that {paper} has in the paper."),
-                differ => format!("`{name}` beside {paper} in the paper: {}", differ.join(" ")),
+                [] => format!("`{name}` has the ticks that {paper} has in the paper.{remark}"),
+                differ => format!("`{name}` beside {paper} in the paper: {}{remark}", differ.join(" ")),
             });
         }
         notes
@@ -456,5 +475,25 @@ mod tests {
         assert_eq!(Quality::ALL.map(worst), [0.4, 0.4, 2.2, 2.2, 2.2, 0.4]);
         assert!(Quality::AllFrequencies.worst([1.1, 0.0].into_iter()) == 0.0);
         assert!(Quality::ALL.iter().all(|quality| !quality.holds(quality.worst([].into_iter()))));
+        // What is no number never counts as right, wherever it stands.
+        for figures in [[1.0, f64::NAN], [f64::NAN, 1.0]] {
+            assert!(Quality::ALL.iter().all(|quality| !quality.holds(quality.worst(figures.into_iter()))));
+        }
+        assert_eq!(Quality::AllFrequencies.worst([1.1, -0.5].into_iter()), -0.5);
+    }
+
+    #[test]
+    fn a_figure_is_never_shown_on_the_other_side_of_its_limit() {
+        for (quality, figure, text) in [
+            (Quality::InnerPenumbra, 0.4996, "0.4996"),
+            (Quality::AccurateOverlap, 0.0204, "0.0204"),
+            (Quality::AccurateOverlap, 0.0196, "0.020"),
+            (Quality::NoAliasing, 0.00004, "< 0.001"),
+            (Quality::OuterPenumbra, -0.25, "-0.250"),
+            (Quality::NoLightLeaks, 2.0, "2.00"),
+            (Quality::NoLightLeaks, f64::NAN, "NaN"),
+        ] {
+            assert_eq!(shown(quality, figure), text);
+        }
     }
 }

@@ -58,6 +58,10 @@ pub(crate) struct StudyArgs {
     #[arg(long)]
     resume: bool,
 
+    /// A method of `table3` with its options, as `lrbsim run` takes it, in place of those that it has; may be given again.
+    #[arg(short, long = "algorithm", value_name = "ALGORITHM")]
+    algorithms: Vec<String>,
+
     /// Only families of `stability`, or methods of `table3`, whose names contain this.
     #[arg(long, value_name = "PATTERN")]
     only: Option<String>,
@@ -198,14 +202,17 @@ fn run_points(what: &What, args: &StudyArgs, out: &mut impl Write) -> Result<boo
             .with_help("leave `--engine slurm` out")
             .into());
         }
+        if !args.algorithms.is_empty() && *name != table3::NAME {
+            return Err(not_for("-a", &[table3::NAME]).into());
+        }
         return run_made(name, *run, args, jobs, out);
+    }
+    if !args.algorithms.is_empty() {
+        return Err(not_for("-a", &[table3::NAME]).into());
     }
     if args.only.is_some() || args.quick {
         let given = if args.quick { "--quick" } else { "--only" };
-        let [(first, _), (second, _)] = MADE;
-        return Err(BadInput::new(format!("`{given}` is for `lrbsim study {first}` and `{second}` alone"))
-            .with_help("the axes of a study file say which points are run")
-            .into());
+        return Err(not_for(given, &MADE.map(|(name, _)| name)).into());
     }
     let study = what.load()?;
     let target = args.out.clone().unwrap_or_else(|| study::default_dir(&study.file.name));
@@ -303,6 +310,12 @@ struct Made {
     paths: Vec<PathBuf>,
 }
 
+/// What is wrong with an option of some made studies where another study is run.
+fn not_for(option: &str, studies: &[&str]) -> BadInput {
+    BadInput::new(format!("`{option}` is for `lrbsim study {}` alone", studies.join("` and `")))
+        .with_help("the axes of a study file say which points are run")
+}
+
 type RunMade = fn(&StudyArgs, HostOptions, &super::progress::Bar, &Path) -> Result<Made, BadInput>;
 
 /// Studies whose scenes are made for them, by name; none of their points is kept in the cache.
@@ -365,7 +378,8 @@ fn run_table3(
     bar: &super::progress::Bar,
     target: &Path,
 ) -> Result<Made, BadInput> {
-    let request = Table3Request { only: args.only.clone(), quick: args.quick, host };
+    let (algorithms, only) = (args.algorithms.clone(), args.only.clone());
+    let request = Table3Request { algorithms, only, quick: args.quick, host };
     let report = table3::run_table3(&request, bar)?;
     Ok(Made {
         json: report.to_json(),

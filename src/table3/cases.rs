@@ -30,6 +30,7 @@ pub struct Case {
 
 impl Case {
     pub(super) fn new(quality: Quality, id: &str, asked: Vec<bool>, views: Vec<View>) -> Case {
+        assert!(asked.contains(&true), "{id}: nothing is measured");
         Case { quality, id: id.to_owned(), views, asked }
     }
 
@@ -44,10 +45,9 @@ impl Case {
             values.iter().zip(&self.asked).filter(|(_, asked)| **asked).map(|(value, _)| *value).collect()
         };
         let (ours, truth) = (asked(&drawn[0]), asked(&self.views[0].truth));
-        let dark = |values: &[f64]| values.iter().map(|visible| 1.0 - visible).sum::<f64>();
+        let shades = |values: &[f64]| values.iter().map(|visible| visible.min(1.0 - visible)).sum::<f64>();
         match self.quality {
-            Quality::InnerPenumbra => ours.iter().sum::<f64>() / truth.iter().sum::<f64>(),
-            Quality::OuterPenumbra => dark(&ours) / dark(&truth),
+            Quality::InnerPenumbra | Quality::OuterPenumbra => shades(&ours) / shades(&truth),
             Quality::AccurateOverlap => mean(ours.iter().zip(&truth).map(|(a, b)| (a - b).abs())),
             Quality::NoAliasing => self.flicker(drawn),
             Quality::NoLightLeaks => ours.into_iter().fold(0.0, f64::max),
@@ -82,7 +82,8 @@ struct Profile {
 }
 
 impl Profile {
-    /// How far a line is fitted to each side: 2 levels of 64, 4 in all, so that neither they nor noise are part of the profile.
+    /// How far a line is fitted to each side: 2 levels of 64, 4 in all, so that neither they nor noise are part of the profile. Nor is a
+    /// step, which is what makes a border without width aliased.
     const REACH: f64 = 1.0 / 32.0;
 
     fn new(mut pairs: Vec<(f64, f64)>) -> Profile {

@@ -47,6 +47,8 @@ const VARIANTS: [&str; 6] = [
 /// What of the study is run, and how.
 #[derive(Debug, Clone)]
 pub struct Table3Request {
+    /// The methods with their options, as `-a` takes them; if there are none, those of [`row_names`].
+    pub algorithms: Vec<String>,
     /// Only methods whose names, with options, contain this.
     pub only: Option<String>,
     /// Whether scenes have fewer receivers and shorter motions.
@@ -55,7 +57,7 @@ pub struct Table3Request {
     pub host: HostOptions,
 }
 
-/// Names of the rows: every method with its defaults, and then with other options.
+/// Names of the rows where none are asked for: every method with its defaults, and then with other options.
 pub fn row_names() -> Vec<&'static str> {
     let variants = |name: &'static str| {
         let of = move |variant: &&str| variant.split(':').next() == Some(name);
@@ -67,24 +69,33 @@ pub fn row_names() -> Vec<&'static str> {
 /// Runs the study: every row that was asked for, one after the other.
 ///
 /// # Errors
-/// If no row was asked for, or the host gives no threads.
+/// If there is no row of the name that was asked for, if an algorithm is none or draws neither a ball nor a rectangle nor a line, or if the
+/// host gives no threads.
 pub fn run_table3(request: &Table3Request, progress: &dyn Progress) -> Result<Table3Report, BadInput> {
     let only = request.only.as_deref().unwrap_or_default();
-    let names: Vec<&str> = row_names().into_iter().filter(|name| name.contains(only)).collect();
+    let all: Vec<String> = match &request.algorithms[..] {
+        [] => row_names().into_iter().map(str::to_owned).collect(),
+        given => given.to_vec(),
+    };
+    let names: Vec<&str> = all.iter().map(String::as_str).filter(|name| name.contains(only)).collect();
     if names.is_empty() {
         return Err(BadInput::new(format!(
             "`--only {only}` is in the name of no row of `{NAME}`; it must be in one of: {}",
-            row_names().join(", ")
+            all.join(", ")
         )));
     }
     let rows: Vec<(&str, Algorithm, Lamp)> = names
         .into_iter()
         .map(|name| {
-            let algorithm: Algorithm = name.parse().expect("it is one");
-            let lamp = Lamp::of(&algorithm).expect("every method draws a ball, a rectangle or a line");
-            (name, algorithm, lamp)
+            let algorithm: Algorithm = name.parse()?;
+            let lamp = Lamp::of(&algorithm).ok_or_else(|| {
+                BadInput::new(format!(
+                    "`{name}` draws neither a ball nor a rectangle nor a line, the lamps of `{NAME}`"
+                ))
+            })?;
+            Ok((name, algorithm, lamp))
         })
-        .collect();
+        .collect::<Result<_, BadInput>>()?;
     let mut lamps: Vec<Lamp> = Vec::new();
     for (_, _, lamp) in &rows {
         if !lamps.contains(lamp) {

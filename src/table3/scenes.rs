@@ -250,13 +250,14 @@ fn motion(lamp: Lamp, id: &str, radius: f64, steps: u32, side: u32) -> Case {
 }
 
 /// Umbras that nothing breaks.
-fn dark(lamp: Lamp, side: u32) -> [Case; 4] {
+fn dark(lamp: Lamp, side: u32) -> Vec<Case> {
     /// Radius of the lamp in these scenes: smaller than elsewhere, so that umbras are large.
     const RADIUS: f64 = 0.1;
+    /// Half of a window whose receivers are 0.7 texels apart, or 1.5 where a quick study looks at fewer.
+    const NEAR: f64 = 16.0 * TEXEL;
     let case = |id: &str, parts: Parts, center: DVec3, window: Window, top: f64| {
         let view = view(id, parts, lamp.light(center, RADIUS), window, By::Rays);
         let asked = window.dark_around(&view.truth, RADIUS * top / (center.y - top));
-        assert!(asked.contains(&true), "{id}: nothing is dark");
         Case::new(Quality::NoLightLeaks, id, asked, vec![view])
     };
     let window = |x: f64, z: f64, half: f64| Window { center: DVec2::new(x, z), half, side };
@@ -265,18 +266,21 @@ fn dark(lamp: Lamp, side: u32) -> [Case; 4] {
         let along = DVec2::from_angle(PI / 3.0) * s;
         raised(out * along.x + out.perp() * t, 1.1 + along.y)
     };
-    let sheet = [slanted(-0.7, -0.6), slanted(-0.7, 0.6), slanted(0.7, 0.6), slanted(0.7, -0.6)];
+    let sheet = || {
+        floor()
+            .quad("sheet", [(-0.7, -0.6), (-0.7, 0.6), (0.7, 0.6), (0.7, -0.6)].map(|(s, t)| slanted(s, t)))
+    };
+    let seam_at = DVec3::new(0.1, 1.2, 0.0);
+    let seam = || floor().seam(seam_at, 7);
+    // Where the middle of the seam, which is one of its corners, throws its shadow.
+    let below = LAMP + (seam_at - LAMP) * (LAMP.y / (LAMP.y - seam_at.y));
     let (low, high) = (DVec3::new(-0.25, 0.0, -0.18), DVec3::new(0.25, 0.6, 0.18));
-    [
+    vec![
         case("round body", floor().ball("body", DVec3::Y * 0.9, 0.5, 40), LAMP, window(0.0, 0.0, 0.8), 1.4),
-        case(
-            "slanted sheet",
-            floor().quad("sheet", sheet),
-            LAMP,
-            window(0.2 * out.x, 0.2 * out.y, 0.7),
-            1.71,
-        ),
-        case("seam", floor().seam(DVec3::new(0.1, 1.2, 0.0), 7), LAMP, window(0.1, 0.0, 0.8), 1.4),
+        case("slanted sheet", sheet(), LAMP, window(0.2 * out.x, 0.2 * out.y, 0.7), 1.71),
+        case("slanted sheet, near by", sheet(), LAMP, window(0.2 * out.x, 0.2 * out.y, NEAR), 1.71),
+        case("seam", seam(), LAMP, window(0.1, 0.0, 0.8), 1.4),
+        case("seam, near by", seam(), LAMP, window(below.x, below.z, NEAR), 1.4),
         // The window begins where the block stands.
         case(
             "foot of a block",
