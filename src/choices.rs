@@ -62,6 +62,7 @@ fn pattern(entries: &[Entry]) -> String {
             format!("({})", words.iter().map(|word| word.name).collect::<Vec<_>>().join("|"))
         }
         Values::Whole(..) => "[0-9]+".to_owned(),
+        Values::Percent(..) => "[0-9]+%?".to_owned(),
         Values::Number(..) => "[-+.0-9eE]+".to_owned(),
     };
     let of_entry = |entry: &Entry| {

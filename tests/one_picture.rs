@@ -3,11 +3,17 @@
 mod common;
 
 use common::{machine, request, run};
-use lrbsim::{HostOptions, RunRequest};
+use lrbsim::{HostOptions, Machine, RunRequest};
 use lrbsim_isa::host::HostSimd;
 use lrbsim_machine::Fidelity;
+use lrbsim_reports::run::Instructions;
 
-const FIDELITIES: [Fidelity; 3] = [Fidelity::Functional, Fidelity::Windowed, Fidelity::Cycle];
+const FIDELITIES: [Fidelity; Fidelity::ALL.len()] = Fidelity::ALL;
+
+/// A machine of so few threads that most steps have many tasks for each, so that they are sampled.
+fn small() -> Machine {
+    machine(&["cores=1"])
+}
 
 /// SHA-256 of the picture that every other run must give too.
 fn picture() -> String {
@@ -48,7 +54,8 @@ fn one_report_for_every_number_of_host_threads() {
     for fidelity in FIDELITIES {
         let report = |threads| {
             let host = HostOptions { threads, ..HostOptions::default() };
-            run(&RunRequest { fidelity, host, ..request("tiny") }).report.to_json()
+            [request("tiny"), RunRequest { machine: small(), ..request("tiny") }]
+                .map(|request| run(&RunRequest { fidelity, host, ..request }).report.to_json())
         };
         let one = report(1);
         for threads in [2, 3, 8] {
@@ -85,8 +92,9 @@ fn warm_frames_change_times_but_not_the_picture() {
 
 #[test]
 fn the_cycle_stack_adds_up_in_every_phase() {
-    for fidelity in [Fidelity::Windowed, Fidelity::Cycle] {
-        let report = run(&RunRequest { fidelity, ..request("tiny") }).report;
+    let timed = Fidelity::ALL.into_iter().filter(|fidelity| fidelity.is_timed());
+    for (fidelity, machine) in timed.flat_map(|fidelity| [(fidelity, machine(&[])), (fidelity, small())]) {
+        let report = run(&RunRequest { fidelity, machine, ..request("tiny") }).report;
         for phase in &report.phases {
             let stack = phase.cycle_stack.expect("timed").total();
             let cycles = phase.cycles.expect("timed");
@@ -100,16 +108,23 @@ fn the_cycle_stack_adds_up_in_every_phase() {
 #[test]
 fn every_fidelity_runs_the_same_instructions() {
     let counts = |fidelity| -> Vec<_> {
-        let report = run(&RunRequest { fidelity, ..request("tiny") }).report;
+        let report = run(&RunRequest { fidelity, machine: small(), ..request("tiny") }).report;
         report
             .phases
             .into_iter()
             .map(|phase| (phase.id, phase.tasks, phase.instructions, phase.lanes))
             .collect()
     };
-    assert_eq!(counts(Fidelity::Windowed), counts(Fidelity::Cycle));
-    // Untimed runs need no registers: they have no spills.
-    for (timed, untimed) in counts(Fidelity::Windowed).into_iter().zip(counts(Fidelity::Functional)) {
-        assert_eq!((timed.2.total - timed.2.spill, timed.1), (untimed.2.total, untimed.1), "{}", timed.0);
+    let windowed = counts(Fidelity::Windowed);
+    assert_eq!(windowed, counts(Fidelity::Cycle));
+    // Untimed runs need no registers: they have no spills, and of samples these are extrapolated.
+    let [sampled, untimed] = [Fidelity::ALL[1], Fidelity::Functional].map(counts);
+    for (timed, (sampled, untimed)) in windowed.into_iter().zip(sampled.into_iter().zip(untimed)) {
+        let apart = |of: &Instructions| of.total - of.spill;
+        let all =
+            [&timed, &sampled, &untimed].map(|(id, tasks, instructions, _)| (id, tasks, apart(instructions)));
+        assert_eq!([all[1], all[2]], [all[0]; 2]);
+        let spills = [&timed, &sampled].map(|(_, _, instructions, _)| instructions.spill as f64);
+        assert!((spills[0] - spills[1]).abs() <= 0.2 * spills[0], "{spills:?}");
     }
 }

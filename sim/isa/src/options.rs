@@ -41,6 +41,8 @@ pub enum Values {
     Whole(u32, u32),
     /// A number between two limits, both allowed.
     Number(f64, f64),
+    /// A whole number of percent between two limits, both allowed; users may leave out the sign.
+    Percent(u32, u32),
 }
 
 /// A word that an option takes, and what it means.
@@ -192,6 +194,9 @@ impl Values {
             Values::Number(least, most) => {
                 text.parse().ok().filter(|x| (least..=most).contains(x)).map(Value::Number)
             }
+            Values::Percent(least, most) => {
+                Values::Whole(least, most).parse(text.strip_suffix('%').unwrap_or(text))
+            }
         }
     }
 }
@@ -204,6 +209,7 @@ impl fmt::Display for Values {
             }
             Values::Whole(least, most) => write!(f, "a whole number from {least} to {most}"),
             Values::Number(least, most) => write!(f, "a number from {least} to {most}"),
+            Values::Percent(least, most) => write!(f, "a whole number from {least}% to {most}%"),
         }
     }
 }
@@ -220,7 +226,7 @@ impl Options {
         }
     }
 
-    /// The whole number that `option` has.
+    /// The whole number, of percent too, that `option` has.
     ///
     /// # Panics
     /// Where there is no such option or it takes no whole number: a slip of who asks, not of users.
@@ -248,6 +254,7 @@ impl Options {
             let text = match (*value, spec.values) {
                 (Value::Word(number), Values::OneOf(words)) => words[number].name.to_owned(),
                 (Value::Word(number), _) => unreachable!("word {number} of an option without words"),
+                (Value::Whole(number), Values::Percent(..)) => format!("{number}%"),
                 (Value::Whole(number), _) => number.to_string(),
                 (Value::Number(number), _) => number.to_string(),
             };
@@ -328,6 +335,13 @@ mod tests {
                 default: "0.9",
                 tacit: false,
             },
+            OptionSpec {
+                name: "milk",
+                about: "how much of it is milk",
+                values: Values::Percent(0, 50),
+                default: "0%",
+                tacit: true,
+            },
         ],
     };
     const REST: Entry = Entry { name: "rest", about: "does nothing", options: &[] };
@@ -349,6 +363,13 @@ mod tests {
         );
         let more = BREW.with_option(options, "cups=4").expect("an option");
         assert_eq!(more.to_string(), "leaf=black,cups=4,heat=0.9");
+        for written in ["milk=20", "milk=20%"] {
+            let more = BREW.with_option(more.clone(), written).expect("an option");
+            assert_eq!(
+                (more.whole("milk"), more.to_string()),
+                (20, "leaf=black,cups=4,heat=0.9,milk=20%".to_owned())
+            );
+        }
     }
 
     #[test]
@@ -379,18 +400,22 @@ mod tests {
             ("rest:", "`rest:` has no option after its colon; it must be `rest`"),
             (
                 "brew:",
-                "`brew:` has no option after its colon; it must be `brew`, or `leaf=…`, `cups=…` or `heat=…` after it",
+                "`brew:` has no option after its colon; it must be `brew`, or `leaf=…`, `cups=…`, `heat=…` or `milk=…` after it",
             ),
             (
                 "brew:,,",
-                "`,,` has a comma without an option beside it; it must be `leaf=…`, `cups=…` or `heat=…`",
+                "`,,` has a comma without an option beside it; it must be `leaf=…`, `cups=…`, `heat=…` or `milk=…`",
             ),
             (
                 "brew:cups=3,",
-                "`cups=3,` has a comma without an option beside it; it must be `leaf=…`, `cups=…` or `heat=…`",
+                "`cups=3,` has a comma without an option beside it; it must be `leaf=…`, `cups=…`, `heat=…` or `milk=…`",
             ),
             ("rest:long", "`long` is no option of `rest`; it takes none"),
-            ("brew:cup=3", "`cup=3` is no option of `brew`; it must be `leaf=…`, `cups=…` or `heat=…`"),
+            (
+                "brew:cup=3",
+                "`cup=3` is no option of `brew`; it must be `leaf=…`, `cups=…`, `heat=…` or `milk=…`",
+            ),
+            ("brew:milk=60%", "`milk` of `brew` is `60%`; it must be a whole number from 0% to 50%"),
             ("brew:leaf", "`leaf` of `brew` has no value; `leaf=` must be followed by `green` or `black`"),
             (
                 "brew:cups=",

@@ -2,8 +2,9 @@
 
 use crate::chip::Chip;
 use crate::config::MachineSpec;
+use crate::sampled::{Sampled, Sampling};
 use crate::timing::{Timing, Untimed};
-use lrbsim_isa::options::{self, ChoiceError, Entry, Options};
+use lrbsim_isa::options::{self, ChoiceError, Entry, OptionSpec, Options, Values};
 use std::fmt;
 use std::str::FromStr;
 
@@ -12,6 +13,8 @@ use std::str::FromStr;
 pub enum Fidelity {
     /// Counts uops, lanes and tasks; no time.
     Functional,
+    /// Some chunks of the tasks of each step as at [`Fidelity::Windowed`], all others run and counted; times are extrapolated.
+    Sampled(Sampling),
     /// All uops; each core alone for a window, then what all of them asked for, each transaction timed whole.
     #[default]
     Windowed,
@@ -19,25 +22,55 @@ pub enum Fidelity {
     Cycle,
 }
 
+/// The options of [`Fidelity::Sampled`].
+const SAMPLING: &[OptionSpec] = &[
+    OptionSpec {
+        name: "error",
+        about: "half of the interval, with 95 % confidence, that the choice of tasks may add to a step, of all time until its end; where it is wider, more are timed",
+        values: Values::Percent(1, 50),
+        default: "5%",
+        tacit: false,
+    },
+    OptionSpec {
+        name: "seed",
+        about: "which tasks are chosen",
+        values: Values::Whole(0, u32::MAX),
+        default: "0",
+        tacit: true,
+    },
+];
+
 impl Fidelity {
     /// All levels, from the fastest to the most exact; those that take options with the defaults.
-    pub const ALL: [Fidelity; 3] = [Fidelity::Functional, Fidelity::Windowed, Fidelity::Cycle];
+    pub const ALL: [Fidelity; 4] =
+        [Fidelity::Functional, Fidelity::Sampled(Sampling::DEFAULT), Fidelity::Windowed, Fidelity::Cycle];
 
     /// What users choose this level by: its name, and the options that it takes.
     pub fn entry(self) -> Entry {
         let (name, about) = match self {
             Fidelity::Functional => ("functional", "picture and operation counts, no time"),
+            Fidelity::Sampled(_) => {
+                ("sampled", "some tasks as `windowed`, times extrapolated, with an interval")
+            }
             Fidelity::Windowed => {
                 ("windowed", "all uops: cores alone for a window of time, then what they asked for")
             }
             Fidelity::Cycle => ("cycle", "the reference: one cycle at a time, everything in order"),
         };
-        Entry { name, about, options: &[] }
+        let options = match self {
+            Fidelity::Sampled(_) => SAMPLING,
+            Fidelity::Functional | Fidelity::Windowed | Fidelity::Cycle => &[],
+        };
+        Entry { name, about, options }
     }
 
     /// This level as `options`, which are those of its entry, set it.
-    fn with(self, _options: &Options) -> Fidelity {
+    fn with(self, options: &Options) -> Fidelity {
         match self {
+            Fidelity::Sampled(_) => Fidelity::Sampled(Sampling {
+                error_percent: options.whole("error"),
+                seed: options.whole("seed"),
+            }),
             Fidelity::Functional | Fidelity::Windowed | Fidelity::Cycle => self,
         }
     }
@@ -52,6 +85,7 @@ impl Fidelity {
     pub fn timing(self, spec: &MachineSpec, host_threads: usize) -> Box<dyn Timing> {
         match self {
             Fidelity::Functional => Box::new(Untimed::new(host_threads)),
+            Fidelity::Sampled(sampling) => Box::new(Sampled::new(spec, sampling, host_threads)),
             Fidelity::Windowed | Fidelity::Cycle => Box::new(Chip::new(spec, self, host_threads)),
         }
     }
@@ -70,8 +104,13 @@ impl FromStr for Fidelity {
 /// The level with all of its options, as `--fidelity` takes it.
 impl fmt::Display for Fidelity {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.entry().name)?;
         match self {
-            Fidelity::Functional | Fidelity::Windowed | Fidelity::Cycle => f.write_str(self.entry().name),
+            Fidelity::Sampled(Sampling { error_percent, seed: 0 }) => write!(f, ":error={error_percent}%"),
+            Fidelity::Sampled(Sampling { error_percent, seed }) => {
+                write!(f, ":error={error_percent}%,seed={seed}")
+            }
+            Fidelity::Functional | Fidelity::Windowed | Fidelity::Cycle => Ok(()),
         }
     }
 }
@@ -85,10 +124,18 @@ mod tests {
         for level in Fidelity::ALL {
             assert_eq!(level.to_string().parse(), Ok(level));
         }
+        for (written, shown) in [
+            ("sampled", "sampled:error=5%"),
+            ("sampled:error=2", "sampled:error=2%"),
+            ("sampled:seed=7,error=50%", "sampled:error=50%,seed=7"),
+        ] {
+            let level: Fidelity = written.parse().expect("a level");
+            assert_eq!((level.to_string().as_str(), shown.parse()), (shown, Ok(level)));
+        }
         let error = "exact".parse::<Fidelity>().expect_err("no level");
         assert_eq!(
             error.to_string(),
-            "`exact` is no fidelity; it must be `functional`, `windowed` or `cycle`"
+            "`exact` is no fidelity; it must be `functional`, `sampled`, `windowed` or `cycle`"
         );
     }
 }

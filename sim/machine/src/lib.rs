@@ -26,6 +26,7 @@ pub mod observer;
 mod occupancy;
 mod pages;
 mod ring;
+mod sampled;
 mod scheduler;
 pub mod timing;
 mod when;
@@ -40,6 +41,7 @@ pub use config::{ConfigError, MachineConfig, MachineSpec, builtin_machine, built
 pub use counters::{Cause, CycleStack, PhaseCounters, StepReport};
 pub use fidelity::Fidelity;
 pub use observer::Observer;
+pub use sampled::Sampling;
 pub use timing::Timing;
 
 /// A time or a number of core cycles.

@@ -31,7 +31,7 @@ use crate::core::{Core, CoreTables};
 use crate::counters::{Cause, CycleStack, StepReport};
 use crate::fidelity::Fidelity;
 use crate::observer::Observer;
-use crate::scheduler::barrier_cycles;
+use crate::scheduler::{TaskCounter, barrier_cycles, chunk_lengths};
 use crate::timing::Timing;
 use cores::{AsPeers, Cores};
 use hands::{Alone, Captain, Crew, Hands};
@@ -130,9 +130,20 @@ impl<O: Observer> Chip<O> {
     /// When a law is broken, such as a resource that beats its peak, or a cycle stack that does not add up: defects of the
     /// simulator too.
     pub fn run_step(&mut self, tasks: &dyn TaskSource) -> Result<StepReport, Stuck> {
+        let lengths = chunk_lengths(tasks.tasks(), self.spec.threads_for(tasks.tasks()), &self.spec);
+        self.run_chunks(tasks, lengths)
+    }
+
+    /// Runs all tasks of a step like [`Chip::run_step`], but gives them out in chunks of `lengths`, which add up to them.
+    pub(crate) fn run_chunks(
+        &mut self,
+        tasks: &dyn TaskSource,
+        lengths: Vec<u32>,
+    ) -> Result<StepReport, Stuck> {
         let total_tasks = tasks.tasks();
-        let threads = total_tasks.min(self.spec.cores * self.spec.threads_per_core);
-        let mut step = StepTasks::new(tasks, threads, &self.spec, std::mem::take(&mut self.spare));
+        debug_assert_eq!(lengths.iter().sum::<u32>(), total_tasks);
+        let threads = self.spec.threads_for(total_tasks);
+        let mut step = StepTasks::new(tasks, TaskCounter::new(lengths), std::mem::take(&mut self.spare));
 
         // What earlier steps left on its way arrives first.
         let start = self.now;

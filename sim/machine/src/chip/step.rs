@@ -1,7 +1,6 @@
 //! A step under way: the tasks that are left, and what has been counted of those recorded.
 
 use super::hands::Hands;
-use crate::config::MachineSpec;
 use crate::counters::StepReport;
 use crate::scheduler::TaskCounter;
 use lrbsim_isa::program::TaskSource;
@@ -42,14 +41,8 @@ pub(super) struct StepTasks<'a> {
 }
 
 impl<'a> StepTasks<'a> {
-    /// A step whose tasks `threads` hardware threads will ask for.
-    pub(super) fn new(
-        source: &'a dyn TaskSource,
-        threads: u32,
-        spec: &MachineSpec,
-        spare: Vec<Stream>,
-    ) -> StepTasks<'a> {
-        let counter = TaskCounter::new(source.tasks(), threads, spec);
+    /// A step whose tasks `counter` gives out.
+    pub(super) fn new(source: &'a dyn TaskSource, counter: TaskCounter, spare: Vec<Stream>) -> StepTasks<'a> {
         StepTasks { source, counter, recorded: VecDeque::new(), spare, tally: Tally::default() }
     }
 

@@ -176,3 +176,10 @@ pub struct MemorySpec {
     /// Lines in a row.
     pub row_lines: u32,
 }
+
+impl MachineSpec {
+    /// Hardware threads that a step of `tasks` tasks wakes: one for each, as far as there are any.
+    pub(crate) fn threads_for(&self, tasks: u32) -> u32 {
+        tasks.min(self.cores * self.threads_per_core)
+    }
+}

@@ -20,25 +20,33 @@ use std::ops::Range;
 #[derive(Debug)]
 pub(crate) struct TaskCounter {
     next: u32,
-    tasks: u32,
-    threads: u32,
-    chunk_tasks_max: u32,
+    /// Lengths of the chunks to come.
+    lengths: std::vec::IntoIter<u32>,
 }
 
 impl TaskCounter {
-    /// A counter at 0, for `tasks` tasks and the `threads` threads that will ask.
-    pub(crate) fn new(tasks: u32, threads: u32, spec: &MachineSpec) -> TaskCounter {
-        TaskCounter { next: 0, tasks, threads, chunk_tasks_max: spec.chunk_tasks_max }
+    /// A counter at 0 that gives chunks of these lengths.
+    pub(crate) fn new(lengths: Vec<u32>) -> TaskCounter {
+        TaskCounter { next: 0, lengths: lengths.into_iter() }
     }
 
     /// The next chunk; empty at the end.
     pub(crate) fn take(&mut self) -> Range<u32> {
-        let remaining = self.tasks - self.next;
-        let chunk = (remaining / (2 * self.threads.max(1))).clamp(1, self.chunk_tasks_max).min(remaining);
         let first = self.next;
-        self.next += chunk;
+        self.next += self.lengths.next().unwrap_or(0);
         first..self.next
     }
+}
+
+/// Lengths of the chunks in which `threads` threads get a step of `tasks` tasks.
+pub(crate) fn chunk_lengths(tasks: u32, threads: u32, spec: &MachineSpec) -> Vec<u32> {
+    let mut remaining = tasks;
+    let next = || {
+        let chunk = (remaining / (2 * threads.max(1))).clamp(1, spec.chunk_tasks_max).min(remaining);
+        remaining -= chunk;
+        (chunk > 0).then_some(chunk)
+    };
+    std::iter::from_fn(next).collect()
 }
 
 /// Cycles from the arrival of the last thread at the barrier until all go on.

@@ -7,7 +7,7 @@ fn chunks_cover_all_tasks_once_and_shrink_to_one() {
         serde_json::from_str(builtin_machine("larrabee-24").expect("shipped")).expect("parses");
     let mut spec = config.validate().expect("sound");
     spec.chunk_tasks_max = 4;
-    let mut counter = TaskCounter::new(1000, 96, &spec);
+    let mut counter = TaskCounter::new(chunk_lengths(1000, 96, &spec));
     let (mut next, mut last) = (0, u32::MAX);
     loop {
         let chunk = counter.take();

@@ -1,0 +1,199 @@
+//! Which chunks of a step are timed.
+
+use super::Skipped;
+use lrbsim_isa::Class;
+use lrbsim_isa::OpCounts;
+use lrbsim_isa::program::TaskSource;
+use lrbsim_isa::stream::Stream;
+use std::ops::Range;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::{Mutex, PoisonError};
+
+/// Part of a step's chunks that is timed at first: with less of them, too many are timed while other threads have run out of work.
+const SHARE: f64 = 0.06;
+
+/// Chunks for each thread that are timed at least.
+const PER_THREAD: f64 = 1.5;
+
+/// Neighbors that are timed together: what one of them has in its caches the next may need.
+const GROUP: usize = 16;
+
+/// Tasks of the first chunk of each thread that are timed: what is cold is cold for them.
+const FIRST_TASKS: u32 = 1;
+
+/// Steps of which more than this would be timed are timed whole.
+const WHOLE_SHARE: f64 = 0.8;
+
+/// Tasks of one chunk that a thread gets at once.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Part {
+    /// The number of the chunk.
+    pub(super) chunk: usize,
+    pub(super) tasks: Range<u32>,
+}
+
+/// The chunks of a step, and which of them are timed so far.
+pub(super) struct Chunks {
+    /// The first task of each chunk, and the number of all tasks.
+    starts: Vec<u32>,
+    threads: usize,
+    seed: u64,
+    /// By chunk the end of those of its tasks that are timed; its start if none is.
+    timed: Vec<u32>,
+}
+
+/// Mixes bits [steele14, SplitMix].
+fn hash(x: u64) -> u64 {
+    let mut z = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
+}
+
+impl Chunks {
+    pub(super) fn new(lengths: &[u32], threads: usize, seed: u64) -> Chunks {
+        let mut starts = vec![0];
+        for length in lengths {
+            starts.push(starts[starts.len() - 1] + length);
+        }
+        let timed = starts[..lengths.len()].to_vec();
+        Chunks { starts, threads, seed: hash(seed), timed }
+    }
+
+    fn count(&self) -> usize {
+        self.timed.len()
+    }
+
+    /// What is timed first, in order: the first chunk of each thread in part, groups in the middle, and the last chunk of each
+    /// thread, so that the others are not alone while they run. `None`: all chunks.
+    pub(super) fn first_round(&mut self) -> Option<Vec<Part>> {
+        let middle = self.threads..self.count().saturating_sub(self.threads);
+        let least = PER_THREAD * self.threads as f64;
+        let wanted = (self.count() as f64 * SHARE).max(least) as usize;
+        if (wanted + 2 * self.threads) as f64 > WHOLE_SHARE * self.count() as f64 {
+            return None;
+        }
+        let mut parts: Vec<Part> = (0..self.threads).map(|chunk| self.part(chunk, FIRST_TASKS)).collect();
+        let all: Vec<usize> = middle.clone().collect();
+        parts.extend(self.groups(&all, wanted));
+        parts.extend((middle.end..self.count()).map(|chunk| self.part(chunk, u32::MAX)));
+        Some(parts)
+    }
+
+    /// As many chunks more as are timed so far, or those that are left.
+    pub(super) fn next_round(&mut self) -> Vec<Part> {
+        self.seed = hash(self.seed);
+        let is_timed = |chunk: &usize| self.timed[*chunk] > self.starts[*chunk];
+        let (timed, left): (Vec<usize>, Vec<usize>) = (0..self.count()).partition(is_timed);
+        self.groups(&left, timed.len())
+    }
+
+    /// Groups of neighbors among `chunks`, some `wanted` in all: one at a hashed place of each of as many equal shares.
+    fn groups(&mut self, chunks: &[usize], wanted: usize) -> Vec<Part> {
+        if wanted >= chunks.len() {
+            return chunks.iter().map(|chunk| self.part(*chunk, u32::MAX)).collect();
+        }
+        let groups = (wanted / GROUP).max(1);
+        let mut picked = Vec::new();
+        for group in 0..groups {
+            let share = &chunks[chunks.len() * group / groups..chunks.len() * (group + 1) / groups];
+            let room = share.len().saturating_sub(GROUP) + 1;
+            let at = (hash(self.seed ^ group as u64) % room as u64) as usize;
+            picked.extend(share[at..].iter().take(GROUP).map(|chunk| self.part(*chunk, u32::MAX)));
+        }
+        picked
+    }
+
+    /// Up to `tasks` tasks of a chunk, which are timed from here on.
+    fn part(&mut self, chunk: usize, tasks: u32) -> Part {
+        let start = self.starts[chunk];
+        let end = self.starts[chunk + 1].min(start.saturating_add(tasks));
+        self.timed[chunk] = end;
+        Part { chunk, tasks: start..end }
+    }
+
+    /// Part of the tasks that is timed.
+    pub(super) fn timed_share(&self) -> f64 {
+        let timed: u32 = self.timed.iter().zip(&self.starts).map(|(end, start)| end - start).sum();
+        f64::from(timed) / f64::from(self.starts[self.count()])
+    }
+
+    /// What is not timed; of ordered steps, what has not been run meanwhile either.
+    pub(super) fn untimed(&self, is_ordered: bool, skipped: &Skipped) -> Vec<Part> {
+        let last =
+            self.timed.iter().zip(&self.starts).filter(|(end, start)| end > start).map(|(end, _)| *end).max();
+        let done = if is_ordered { last.unwrap_or(0) } else { 0 };
+        debug_assert!(is_ordered || skipped.uops.is_empty());
+        (0..self.count())
+            .map(|chunk| Part { chunk, tasks: self.timed[chunk].max(done)..self.starts[chunk + 1] })
+            .filter(|part| !part.tasks.is_empty())
+            .collect()
+    }
+
+    /// The chunk that task `task` is in.
+    pub(super) fn chunk_of(&self, task: u32) -> usize {
+        self.starts.partition_point(|start| *start <= task) - 1
+    }
+}
+
+/// The chosen tasks of a step, as a chip sees them: by position.
+pub(super) struct Chosen<'a> {
+    inner: &'a dyn TaskSource,
+    /// The number of each task.
+    tasks: Vec<u32>,
+    /// The uops of each task but for spills, once it is recorded.
+    uops: Vec<AtomicU64>,
+    /// Where tasks are run in order: the next, and what those did that were not chosen.
+    skipped: Mutex<(u32, Skipped)>,
+}
+
+impl<'a> Chosen<'a> {
+    pub(super) fn new(inner: &'a dyn TaskSource, parts: &[Part]) -> Chosen<'a> {
+        let tasks: Vec<u32> = parts.iter().flat_map(|part| part.tasks.clone()).collect();
+        let uops = std::iter::repeat_with(AtomicU64::default).take(tasks.len()).collect();
+        Chosen { inner, tasks, uops, skipped: Mutex::default() }
+    }
+
+    /// By part its uops but for spills, and what ran in between.
+    pub(super) fn into_counts(self, parts: &[Part]) -> (Vec<u64>, Skipped) {
+        let mut uops = self.uops.into_iter().map(AtomicU64::into_inner);
+        let by_part = parts.iter().map(|part| uops.by_ref().take(part.tasks.len()).sum()).collect();
+        (by_part, self.skipped.into_inner().unwrap_or_else(PoisonError::into_inner).1)
+    }
+}
+
+impl TaskSource for Chosen<'_> {
+    fn name(&self) -> &str {
+        self.inner.name()
+    }
+
+    fn tasks(&self) -> u32 {
+        self.tasks.len() as u32
+    }
+
+    fn is_ordered(&self) -> bool {
+        self.inner.is_ordered()
+    }
+
+    fn record(&self, position: u32, stream: &mut Stream) {
+        let task = self.tasks[position as usize];
+        if self.is_ordered() {
+            let mut skipped = self.skipped.lock().unwrap_or_else(PoisonError::into_inner);
+            let (next, skipped) = &mut *skipped;
+            // One by one: they may be of several chunks.
+            (*next..task).for_each(|task| skipped.run(self.inner, task..task + 1));
+            *next = task + 1;
+        }
+        self.inner.record(task, stream);
+        let counts = stream.count_classes();
+        let spills = counts[Class::SpillStore as usize] + counts[Class::SpillLoad as usize];
+        self.uops[position as usize].store(counts.iter().sum::<u64>() - spills, Relaxed);
+    }
+
+    fn skip(&self, tasks: Range<u32>, counts: &mut OpCounts) {
+        tasks.for_each(|position| {
+            let task = self.tasks[position as usize];
+            self.inner.skip(task..task + 1, counts);
+        });
+    }
+}

@@ -1,0 +1,317 @@
+//! The `sampled` level: some chunks of a step's tasks are timed, all others are run and counted, and the time of the step follows
+//! from both.
+//!
+//! ```text
+//! chunks of the step ─► choose ─► a chip, windowed ─► durations ─► rate: cycles of a thread for each uop ─┐
+//!                         └─► the others, run and counted ─► uops of each chunk ───────────────────────┤
+//!                                          schedule: all chunks, one after the other, on all threads ◄─┘
+//! ```
+//!
+//! What is not timed touches no cache. So neighbors are chosen together, as far as their data is to be found where the chip has
+//! it; what is left of that error is part of the interval ([`Sampling`]).
+
+mod choose;
+mod durations;
+mod rate;
+mod schedule;
+#[cfg(test)]
+mod tests;
+
+use crate::Cycle;
+use crate::chip::{Chip, CoreActivity, Stuck};
+use crate::config::MachineSpec;
+use crate::counters::{CacheCounters, Cause, CycleStack, StepReport};
+use crate::fidelity::Fidelity;
+use crate::scheduler::chunk_lengths;
+use crate::timing::Timing;
+use choose::{Chosen, Chunks, Part};
+use durations::Durations;
+use lrbsim_isa::program::TaskSource;
+use lrbsim_isa::{Class, OpCounts};
+use rate::{Rate, Told};
+use std::ops::Range;
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+
+/// How much of each step is timed, and which part of it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Sampling {
+    /// Half of the interval, with 95 % confidence, that the choice may add to the time of a step, in percent of all time until its end. Where
+    /// it would be wider, more is timed; only tasks that are run in order cannot be chosen a second time.
+    pub error_percent: u32,
+    /// What the choice is hashed from, beside the number of the step.
+    pub seed: u32,
+}
+
+impl Sampling {
+    /// What users get who ask for nothing else.
+    pub const DEFAULT: Sampling = Sampling { error_percent: 5, seed: 0 };
+}
+
+/// Standard deviations on either side of a mean that hold 95 % of a normal distribution.
+const NORMAL_95: f64 = 1.96;
+
+/// Rounds of timing at most: each after the first doubles what is timed.
+const ROUNDS_MAX: u32 = 5;
+
+/// A chip that times some of the tasks of each step.
+pub(crate) struct Sampled {
+    chip: Chip<Durations>,
+    spec: MachineSpec,
+    sampling: Sampling,
+    host_threads: usize,
+    /// Steps so far, and their cycles.
+    steps: u32,
+    now: Cycle,
+    activity: Vec<CoreActivity>,
+}
+
+/// What is known of a step under way.
+struct Sample {
+    /// The sum over all that was timed.
+    timed: StepReport,
+    /// Uops of tasks that were timed, spills left out.
+    uops: u64,
+    /// By chunk the cycles of those of its tasks that were timed.
+    cycles: Vec<u64>,
+    /// The chunks that tell the rate.
+    told: Vec<Told>,
+    /// What ran in between because tasks must be run in order.
+    skipped: Skipped,
+}
+
+/// What tasks did that were run and not timed.
+#[derive(Debug, Default)]
+struct Skipped {
+    /// The first of each few tasks, and their uops.
+    uops: Vec<(u32, u64)>,
+    counts: OpCounts,
+}
+
+impl Sampled {
+    /// A cold chip whose cores at most `host_threads` host threads run. How many these are changes no result.
+    pub(crate) fn new(spec: &MachineSpec, sampling: Sampling, host_threads: usize) -> Sampled {
+        Sampled {
+            chip: Chip::observed(spec, Fidelity::Windowed, host_threads, Durations::default()),
+            spec: spec.clone(),
+            sampling,
+            host_threads,
+            steps: 0,
+            now: 0,
+            activity: vec![CoreActivity::default(); spec.cores as usize],
+        }
+    }
+
+    /// Times `parts` of `tasks`, of which those of numbers in `measured` tell the rate.
+    fn time(
+        &mut self,
+        tasks: &dyn TaskSource,
+        parts: &[Part],
+        measured: Range<usize>,
+        sample: &mut Sample,
+    ) -> Result<(), Stuck> {
+        let chosen = Chosen::new(tasks, parts);
+        let lengths = parts.iter().map(|part| part.tasks.len() as u32).collect();
+        let report = self.chip.run_chunks(&chosen, lengths)?;
+        let (uops, skipped) = chosen.into_counts(parts);
+        let durations = self.chip.observer();
+        for (number, part) in parts.iter().enumerate() {
+            sample.cycles[part.chunk] += durations.cycles(number);
+        }
+        sample.told.extend(rate::told(durations, &uops, measured, report.cycle_stack.issue));
+        sample.timed += report;
+        sample.uops += uops.iter().sum::<u64>();
+        sample.skipped.add(skipped);
+        for (sum, core) in self.activity.iter_mut().zip(self.chip.activity()) {
+            sum.issued += core.issued;
+            sum.busy_cycles += core.busy_cycles;
+        }
+        Ok(())
+    }
+
+    /// Runs and counts `parts`, each of neighbors; on several host threads, unless tasks are ordered.
+    fn skip(&self, tasks: &dyn TaskSource, parts: &[Part]) -> Skipped {
+        let next = AtomicUsize::new(0);
+        let work = || {
+            let mut skipped = Skipped::default();
+            while let Some(part) = parts.get(next.fetch_add(1, Relaxed)) {
+                skipped.run(tasks, part.tasks.clone());
+            }
+            skipped
+        };
+        if tasks.is_ordered() || self.host_threads <= 1 {
+            return work();
+        }
+        let mut all = Skipped::default();
+        std::thread::scope(|scope| {
+            let workers: Vec<_> = (0..self.host_threads).map(|_| scope.spawn(work)).collect();
+            for worker in workers {
+                all.add(worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
+            }
+        });
+        all
+    }
+}
+
+impl Skipped {
+    fn run(&mut self, tasks: &dyn TaskSource, range: Range<u32>) {
+        let before = self.counts.total();
+        tasks.skip(range.clone(), &mut self.counts);
+        self.uops.push((range.start, self.counts.total() - before));
+    }
+
+    fn add(&mut self, mut other: Skipped) {
+        self.uops.append(&mut other.uops);
+        self.counts.add(&other.counts);
+    }
+}
+
+impl Timing for Sampled {
+    fn run_step(&mut self, tasks: &dyn TaskSource) -> Result<StepReport, Stuck> {
+        self.steps += 1;
+        self.activity.fill(CoreActivity::default());
+        let threads = self.spec.threads_for(tasks.tasks());
+        let lengths = chunk_lengths(tasks.tasks(), threads, &self.spec);
+        let seed = u64::from(self.sampling.seed) << 32 | u64::from(self.steps);
+        let mut chunks = Chunks::new(&lengths, threads as usize, seed);
+        let Some(first) = chunks.first_round() else {
+            let report = self.chip.run_step(tasks)?;
+            self.activity.copy_from_slice(self.chip.activity());
+            self.now += report.cycles;
+            return Ok(report);
+        };
+
+        // Some are timed, until the interval is as narrow as asked.
+        let mut sample = Sample {
+            timed: StepReport::default(),
+            uops: 0,
+            cycles: vec![0; lengths.len()],
+            told: Vec::new(),
+            skipped: Skipped::default(),
+        };
+        let ends = threads as usize;
+        self.time(tasks, &first, ends..first.len() - ends, &mut sample)?;
+        let asked = f64::from(self.sampling.error_percent) / 100.0;
+        let mut rate = Rate::of(&sample.told, &sample.timed.cycle_stack);
+        for _ in 1..ROUNDS_MAX {
+            // As if the tasks that are left were as long as those that were timed.
+            let left =
+                (1.0 / chunks.timed_share() - 1.0) * sample.uops as f64 * rate.cycles / f64::from(threads);
+            let end = self.now as f64 + sample.uops as f64 * rate.cycles / f64::from(threads) + left;
+            let is_narrow = NORMAL_95 * rate.choice_deviation() * left <= asked * end;
+            if is_narrow || tasks.is_ordered() {
+                break;
+            }
+            let more = chunks.next_round();
+            if more.is_empty() {
+                break;
+            }
+            self.time(tasks, &more, 0..more.len(), &mut sample)?;
+            rate = Rate::of(&sample.told, &sample.timed.cycle_stack);
+        }
+
+        // The others are run and counted.
+        let untimed = self.skip(tasks, &chunks.untimed(tasks.is_ordered(), &sample.skipped));
+        sample.skipped.add(untimed);
+        let Sample { timed, uops, cycles, skipped, .. } = sample;
+        let mut left = vec![0_u64; cycles.len()];
+        for (task, uops) in &skipped.uops {
+            left[chunks.chunk_of(*task)] += uops;
+        }
+        let durations = cycles
+            .iter()
+            .zip(left)
+            .map(|(cycles, left)| cycles + (left as f64 * rate.cycles).round() as Cycle);
+        let barrier = self.chip.observer().barrier_cycles();
+        let cycles = schedule::makespan(durations, threads as usize) + barrier;
+
+        let untimed_uops = skipped.counts.total();
+        let extrapolated = untimed_uops as f64 * rate.cycles / f64::from(threads);
+        let mut report = extrapolate(&timed, cycles, 1.0 + untimed_uops as f64 / uops as f64, &self.spec);
+        report.cycles_variance = (extrapolated * rate.deviation()).powi(2) as u64;
+        report.atomics.task_pulls = lengths.len() as u64 + u64::from(threads);
+        let untimed_tasks = u64::from(tasks.tasks()) - timed.tasks;
+        let mut untimed = StepReport::of_counts(untimed_tasks as u32, &skipped.counts);
+        // The others hold what their registers do not in memory too, and functional runs do not count that.
+        for class in [Class::SpillStore, Class::SpillLoad] {
+            let spills = timed.class_counts[class as usize] as f64 * (untimed_uops as f64 / uops as f64);
+            untimed.class_counts[class as usize] = spills.round() as u64;
+            untimed.issued += spills.round() as u64;
+        }
+        report += untimed;
+        report.paired = report.issued.saturating_sub(report.cycle_stack.issue);
+        self.now += cycles;
+        share_out(&mut self.activity, &report);
+        Ok(report)
+    }
+
+    fn activity(&self) -> &[CoreActivity] {
+        &self.activity
+    }
+}
+
+/// The report of a step that takes `cycles`, of which `timed` is a sample: what the machine counts is `factor` times as much.
+/// Instructions, lanes and tasks are those of the sample.
+fn extrapolate(timed: &StepReport, cycles: u64, factor: f64, spec: &MachineSpec) -> StepReport {
+    let scaled = |count: u64| (count as f64 * factor).round() as u64;
+    let mut report = StepReport { steps: 1, cycles, ..timed.clone() };
+    let core_cycles = u64::from(spec.cores) * cycles;
+    let mut stack = Cause::ALL.map(|cause| scaled(timed.cycle_stack.get(cause)));
+    // Who waits at the barrier, and for how long, a sample does not tell: it is what the others leave.
+    stack[Cause::Barrier as usize] = 0;
+    let mut used: u64 = stack.iter().sum();
+    if used > core_cycles {
+        stack = stack.map(|cycles| (cycles as f64 * (core_cycles as f64 / used as f64)) as u64);
+        used = stack.iter().sum();
+    }
+    stack[Cause::Barrier as usize] = core_cycles - used;
+    report.cycle_stack = CycleStack::from_array(stack);
+    for counters in [&mut report.l1d, &mut report.l2] {
+        let CacheCounters { accesses, hits, misses, merged, upgrades, writebacks, evictions, invalidations } =
+            counters;
+        for count in [&mut *hits, misses, merged, upgrades, writebacks, evictions, invalidations] {
+            *count = scaled(*count);
+        }
+        *accesses = *hits + *misses + *merged;
+    }
+    let (ring, directory, memory) = (&mut report.ring, &mut report.directory, &mut report.memory);
+    for count in [
+        &mut ring.messages,
+        &mut ring.local,
+        &mut ring.bytes,
+        &mut ring.slot_hops,
+        &mut ring.wait_cycles,
+        &mut directory.transactions,
+        &mut directory.forwards,
+        &mut directory.invalidations,
+        &mut directory.wait_cycles,
+        &mut memory.reads,
+        &mut memory.writes,
+        &mut memory.bytes,
+        &mut memory.row_hits,
+        &mut memory.row_misses,
+        &mut memory.wait_cycles,
+        &mut report.atomics.operations,
+        &mut report.atomics.transfers,
+    ] {
+        *count = scaled(*count);
+    }
+    report.atomics.barriers = 1;
+    report
+}
+
+/// Makes the sums over `cores` those of the step, each core with the part of them that it had of the sample.
+fn share_out(cores: &mut [CoreActivity], report: &StepReport) {
+    let share = |total: u64, part: fn(&mut CoreActivity) -> &mut u64, cores: &mut [CoreActivity]| {
+        let sum: u64 = cores.iter_mut().map(|core| *part(core)).sum();
+        let (mut before, mut given) = (0, 0);
+        for core in cores {
+            before += *part(core);
+            let until = (total as f64 * (before as f64 / sum.max(1) as f64)).round() as u64;
+            *part(core) = until - given;
+            given = until;
+        }
+    };
+    share(report.issued, |core| &mut core.issued, cores);
+    share(report.cycle_stack.issue, |core| &mut core.busy_cycles, cores);
+    cores.iter_mut().filter(|core| core.issued > 0).for_each(|core| core.arrival_cycles = report.cycles);
+}

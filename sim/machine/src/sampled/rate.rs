@@ -1,0 +1,82 @@
+//! What a uop takes of a thread while all others have work too.
+
+use super::durations::Durations;
+use crate::counters::CycleStack;
+use std::ops::Range;
+
+/// Neighbors whose errors are taken together: they have data, and so errors, in common.
+const TOGETHER: usize = 8;
+
+/// Relative standard deviation of a rate whatever is measured: what is not timed leaves caches cold, and threads end at other times.
+pub(super) const MODEL: f64 = 0.025;
+
+/// How much more of it there is where cores do nothing but wait for data from outside of their caches.
+pub(super) const MODEL_OUTSIDE: f64 = 0.08;
+
+/// A chunk that tells a rate.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct Told {
+    /// Its uops but for spills.
+    pub(super) uops: f64,
+    /// Cycles that its thread would have had it, had all others had work all the time.
+    pub(super) cycles: f64,
+    /// How far off these may be, either way.
+    pub(super) doubt: f64,
+}
+
+/// Cycles of a thread for each uop that is no spill.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Rate {
+    pub(super) cycles: f64,
+    /// Relative standard deviation: of the choice, and of the model.
+    choice: f64,
+    model: f64,
+}
+
+impl Rate {
+    /// The rate of `chunks`, in which the chip has spent its time on the causes of `stack`.
+    pub(super) fn of(chunks: &[Told], stack: &CycleStack) -> Rate {
+        let Told { uops, cycles, doubt } = sum(chunks);
+        let rate = cycles / uops.max(1.0);
+        let groups = chunks.chunks(TOGETHER);
+        let count = groups.len() as f64;
+        let squares: f64 = groups.map(sum).map(|group| (group.cycles - rate * group.uops).powi(2)).sum();
+        let choice = (squares * count / (count - 1.0).max(1.0)).sqrt() / cycles;
+        let outside = stack.memory + stack.remote + stack.ring + stack.tlb + stack.mshr;
+        let waited = outside as f64 / (stack.total() - stack.barrier).max(1) as f64;
+        let data = MODEL + MODEL_OUTSIDE * waited;
+        // Anywhere within its bounds, with equal chance.
+        let ends = doubt / cycles;
+        Rate { cycles: rate, choice, model: (data * data + ends * ends / 3.0).sqrt() }
+    }
+
+    /// Relative standard deviation of the rate that comes of the choice alone.
+    pub(super) fn choice_deviation(&self) -> f64 {
+        self.choice
+    }
+
+    /// Relative standard deviation of the rate.
+    pub(super) fn deviation(&self) -> f64 {
+        // No `hypot`, which hosts round as they like.
+        (self.choice * self.choice + self.model * self.model).sqrt()
+    }
+}
+
+/// What `chunks` tell of a run in which cores issued in `busy` cycles. Who is left with a core for fewer may go faster: not at all where
+/// threads fill each other's gaps so well that all of them had room, and as if no thread knew of any other where they do not.
+pub(super) fn told(durations: &Durations, uops: &[u64], chunks: Range<usize>, busy: u64) -> Vec<Told> {
+    let ready = durations.readiness(busy);
+    let tell = |chunk: usize| {
+        let (least, most) = (durations.cycles(chunk) as f64, durations.crowded_cycles(chunk, ready));
+        Told { uops: uops[chunk] as f64, cycles: 0.5 * (least + most), doubt: 0.5 * (most - least) }
+    };
+    chunks.map(tell).collect()
+}
+
+fn sum(chunks: &[Told]) -> Told {
+    chunks.iter().fold(Told::default(), |sum, chunk| Told {
+        uops: sum.uops + chunk.uops,
+        cycles: sum.cycles + chunk.cycles,
+        doubt: sum.doubt + chunk.doubt,
+    })
+}

@@ -1,0 +1,208 @@
+use super::choose::Chunks;
+use super::*;
+use crate::config::{MachineConfig, builtin_machine};
+use crate::observer::Observer;
+use crate::streams::{Mix, Random, Tasks};
+use lrbsim_isa::stream::Stream;
+use std::ops::Range;
+use std::sync::Mutex;
+
+/// Few cores, so that few tasks are many for each thread.
+fn spec() -> MachineSpec {
+    let text = builtin_machine("larrabee-24").expect("shipped");
+    let mut config: MachineConfig = serde_json::from_str(text).expect("parses");
+    config.cores = 4;
+    config.validate().expect("sound")
+}
+
+fn sampled(sampling: Sampling, host_threads: usize) -> Sampled {
+    Sampled::new(&spec(), sampling, host_threads)
+}
+
+/// Tasks of a kind, one longer than the other.
+fn uneven(mix: Mix, count: u32) -> Tasks<impl Fn(u32) -> Stream + Sync> {
+    let make = move |task: u32| mix.stream(task, 200 + (task * 37 % 101 * 8) as usize);
+    Tasks { count, make }
+}
+
+#[test]
+fn times_lie_in_their_intervals_and_everything_adds_up() {
+    let spec = spec();
+    for mix in Mix::ALL {
+        let tasks = uneven(mix, 4000);
+        let exact = Chip::new(&spec, Fidelity::Windowed, 1).run_step(&tasks).expect("moves");
+        let report = sampled(Sampling::DEFAULT, 1).run_step(&tasks).expect("moves");
+        let deviation = (report.cycles_variance as f64).sqrt();
+        let error = report.cycles as f64 - exact.cycles as f64;
+        println!("{mix:?}: {:+.4}, {:.4}", error / exact.cycles as f64, deviation / exact.cycles as f64);
+        assert!(error.abs() <= NORMAL_95 * deviation, "{mix:?}: {error} of {}, {deviation}", exact.cycles);
+        // What is counted is counted, and nothing that is drawn from it can tell.
+        assert_eq!((report.steps, report.tasks, report.issued), (1, exact.tasks, exact.issued), "{mix:?}");
+        assert_eq!(report.class_counts, exact.class_counts);
+        // A stream that is written by hand tells of no lanes.
+        assert_eq!(exact.lanes_active, 0);
+        assert_eq!(report.cycle_stack.total(), u64::from(spec.cores) * report.cycles);
+        assert_eq!(report.issued, report.cycle_stack.issue + report.paired);
+        let l1d = report.l1d;
+        assert_eq!(l1d.accesses, l1d.hits + l1d.misses + l1d.merged);
+        assert_eq!(report.atomics.task_pulls, exact.atomics.task_pulls, "{mix:?}");
+    }
+}
+
+#[test]
+fn busy_cycles_of_cores_add_up_to_those_of_the_step() {
+    let mut level = sampled(Sampling::DEFAULT, 1);
+    let report = level.run_step(&uneven(Mix::Kernel, 3000)).expect("moves");
+    let sum = |of: fn(&CoreActivity) -> u64| level.activity().iter().map(of).sum::<u64>();
+    assert_eq!(sum(|core| core.busy_cycles), report.cycle_stack.issue);
+    assert_eq!(sum(|core| core.issued), report.issued);
+}
+
+#[test]
+fn short_steps_are_timed_whole() {
+    let tasks = uneven(Mix::Kernel, 60);
+    let exact = Chip::new(&spec(), Fidelity::Windowed, 1).run_step(&tasks).expect("moves");
+    assert_eq!(sampled(Sampling::DEFAULT, 1).run_step(&tasks).expect("moves"), exact);
+}
+
+#[test]
+fn any_number_of_host_threads_gives_the_same_report() {
+    let run = |host_threads: usize| {
+        let mut level = sampled(Sampling { error_percent: 3, seed: 7 }, host_threads);
+        [Mix::Kernel, Mix::RandomGather].map(|mix| level.run_step(&uneven(mix, 3000)).expect("moves"))
+    };
+    assert_eq!(run(1), run(3));
+}
+
+#[test]
+fn who_asks_for_less_error_gets_no_wider_an_interval_and_another_seed_another_choice() {
+    let run = |error_percent: u32, seed: u32| {
+        let report =
+            sampled(Sampling { error_percent, seed }, 1).run_step(&uneven(Mix::Kernel, 4000)).expect("moves");
+        (report.cycles, report.cycles_variance)
+    };
+    let half = |(cycles, variance): (u64, u64)| NORMAL_95 * (variance as f64).sqrt() / cycles as f64;
+    let [wide, narrow, least] = [50, 3, 1].map(|percent| run(percent, 0));
+    assert!(half(wide) >= half(narrow) && half(narrow) > half(least), "{wide:?} {narrow:?} {least:?}");
+    assert_ne!(run(5, 0), run(5, 1));
+}
+
+/// Tasks that note how they are run.
+struct Noted<T> {
+    inner: T,
+    is_ordered: bool,
+    runs: Mutex<Vec<u32>>,
+}
+
+impl<T: TaskSource> TaskSource for Noted<T> {
+    fn name(&self) -> &str {
+        self.inner.name()
+    }
+
+    fn tasks(&self) -> u32 {
+        self.inner.tasks()
+    }
+
+    fn is_ordered(&self) -> bool {
+        self.is_ordered
+    }
+
+    fn record(&self, task: u32, stream: &mut Stream) {
+        self.runs.lock().expect("no panic").push(task);
+        self.inner.record(task, stream);
+    }
+
+    fn skip(&self, tasks: Range<u32>, counts: &mut OpCounts) {
+        self.runs.lock().expect("no panic").extend(tasks.clone());
+        self.inner.skip(tasks, counts);
+    }
+}
+
+#[test]
+fn every_task_runs_once_and_in_order_where_it_must() {
+    for (is_ordered, error_percent) in [(true, 5), (true, 1), (false, 5), (false, 1)] {
+        let tasks = Noted { inner: uneven(Mix::Atomics, 2500), is_ordered, runs: Mutex::default() };
+        let report = sampled(Sampling { error_percent, seed: 0 }, 2).run_step(&tasks).expect("moves");
+        assert!(report.cycles_variance > 0 && report.tasks == 2500);
+        let mut runs = tasks.runs.into_inner().expect("no panic");
+        if !is_ordered {
+            runs.sort_unstable();
+        }
+        assert_eq!(runs, (0..2500).collect::<Vec<_>>(), "{is_ordered} {error_percent}");
+    }
+}
+
+#[test]
+fn chunks_that_are_timed_and_those_that_are_not_are_all_tasks() {
+    let mut random = Random::new(5);
+    let mut sampled = 0;
+    for seed in 0..300 {
+        let lengths: Vec<u32> = (0..1 + random.below(900)).map(|_| 1 + random.below(5)).collect();
+        let tasks: u32 = lengths.iter().sum();
+        let mut chunks = Chunks::new(&lengths, (1 + random.below(99)) as usize, seed);
+        let Some(mut parts) = chunks.first_round() else { continue };
+        sampled += 1;
+        for _ in 0..random.below(3) {
+            parts.extend(chunks.next_round());
+        }
+        let timed: u32 = parts.iter().map(|part| part.tasks.len() as u32).sum();
+        assert!((chunks.timed_share() - f64::from(timed) / f64::from(tasks)).abs() < 1e-12);
+        parts.extend(chunks.untimed(false, &Skipped::default()));
+        for part in &parts {
+            assert!(part.tasks.clone().all(|task| chunks.chunk_of(task) == part.chunk));
+        }
+        let mut all: Vec<u32> = parts.into_iter().flat_map(|part| part.tasks).collect();
+        all.sort_unstable();
+        assert_eq!(all, (0..tasks).collect::<Vec<_>>(), "{seed}");
+    }
+    assert!(sampled > 100, "{sampled}");
+}
+
+#[test]
+fn a_schedule_is_as_long_as_who_is_done_last() {
+    let makespan = |durations: &[Cycle], threads| schedule::makespan(durations.iter().copied(), threads);
+    assert_eq!(makespan(&[], 3), 0);
+    assert_eq!(makespan(&[7; 9], 3), 21);
+    assert_eq!(makespan(&[7; 10], 3), 28);
+    // The long one begins when the first is done.
+    assert_eq!(makespan(&[1, 5, 5, 10], 3), 11);
+    assert_eq!(makespan(&[3, 1, 4, 1, 5], 1), 14);
+}
+
+#[test]
+fn a_chunk_takes_longer_where_others_would_have_had_work() {
+    let mut durations = Durations::default();
+    durations.step("", 2, 0);
+    durations.tasks(0, 0, 0..1, 0, 5);
+    durations.tasks(0, 1, 1..2, 0, 5);
+    durations.tasks(0, 1, 2..2, 100, 100);
+    durations.tasks(0, 0, 2..2, 160, 160);
+    assert_eq!([0, 1].map(|chunk| durations.cycles(chunk)), [160, 100]);
+    // For 60 cycles one of two threads has the core: no faster where threads are hardly ever ready, twice as fast where they always
+    // are; ready every other cycle, two issue in 3 of 4 cycles and one in 2.
+    assert_eq!([0.0, 0.5, 1.0].map(|ready| durations.crowded_cycles(0, ready)), [160.0, 180.0, 220.0]);
+    assert_eq!(durations.crowded_cycles(1, 1.0), 100.0);
+    // Ready every other cycle, they issue in 3 of 4 of the first 100 and in 1 of 2 of the other 60.
+    assert!((durations.readiness(105) - 0.5).abs() < 1e-5);
+    assert!(durations.readiness(0) < 1e-5 && durations.readiness(160) > 1.0 - 1e-5);
+}
+
+#[test]
+fn a_rate_is_a_ratio_whose_error_is_that_of_its_chunks() {
+    let stack = CycleStack { issue: 100, barrier: 50, ..CycleStack::default() };
+    let told = |cycles: f64, doubt: f64| Told { uops: 10.0, cycles, doubt };
+    let even = Rate::of(&[told(30.0, 0.0); 64], &stack);
+    assert_eq!((even.cycles, even.deviation()), (3.0, rate::MODEL));
+    // Waits for what lies outside of the core count, and the barrier does not.
+    let waits = CycleStack { issue: 100, memory: 100, barrier: 50, ..CycleStack::default() };
+    let deviation = Rate::of(&[told(30.0, 0.0); 64], &waits).deviation();
+    assert!((deviation - rate::MODEL - 0.5 * rate::MODEL_OUTSIDE).abs() < 1e-12);
+    // Half of the groups take 2 cycles a uop, half 4: each is off by a third, and there are 8.
+    let two: Vec<Told> = (0..64).map(|chunk| told(if chunk < 32 { 20.0 } else { 40.0 }, 0.0)).collect();
+    let rate = Rate::of(&two, &stack);
+    let choice = (1.0 / 9.0 / 7.0 + rate::MODEL * rate::MODEL).sqrt();
+    assert!(rate.cycles == 3.0 && (rate.deviation() - choice).abs() < 1e-12, "{rate:?}");
+    // A tenth either way is a standard deviation of a tenth over the root of 3.
+    let deviation = Rate::of(&[told(30.0, 3.0); 64], &stack).deviation();
+    assert!((deviation - (0.01 / 3.0 + rate::MODEL * rate::MODEL).sqrt()).abs() < 1e-12);
+}
