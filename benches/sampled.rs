@@ -2,8 +2,8 @@
 //! over scenes, machines and seeds.
 //!
 //! ```text
-//! cargo bench --bench sampled             # some 100 cases: small pictures, machines of few cores
-//! cargo bench --bench sampled -- whole    # the scenes of issue and paper as they are, one seed each: minutes
+//! cargo bench --bench sampled             # 100 cases: small pictures, machines of few cores; a word is part of the scene's name
+//! cargo bench --bench sampled -- whole    # three scenes of the paper as they are, one seed each: minutes
 //! ```
 
 use lrbsim::progress::Quiet;
@@ -36,42 +36,43 @@ const SHARE: f64 = 0.1;
 struct Held {
     count: u32,
     held: u32,
-    worst: f64,
+    worst: (f64, String),
     squares: f64,
 }
 
 impl Held {
-    fn add(&mut self, ms: f64, interval: Option<[f64; 2]>, exact: f64) {
+    fn add(&mut self, name: &str, ms: f64, interval: Option<[f64; 2]>, exact: f64) {
         let [least, most] = interval.unwrap_or([ms; 2]);
         let error = ms / exact - 1.0;
         self.count += 1;
         self.held += u32::from((least..=most).contains(&exact));
         self.squares += error * error;
-        if error.abs() > self.worst.abs() {
-            self.worst = error;
+        if error.abs() > self.worst.0.abs() {
+            self.worst = (error, name.to_owned());
         }
     }
 
     fn print(&self, what: &str) {
         let rms = (self.squares / f64::from(self.count.max(1))).sqrt();
         println!(
-            "{what}: {} of {} in their intervals, rms {:.2} %, worst {:+.2} %",
+            "{what}: {} of {} in their intervals, rms {:.2} %, worst {:+.2} % ({})",
             self.held,
             self.count,
             100.0 * rms,
-            100.0 * self.worst
+            100.0 * self.worst.0,
+            self.worst.1
         );
     }
 }
 
 /// Adds the times of `sampled` to what is known of frames and of phases that matter.
-fn add(sampled: &RunReport, exact: &RunReport, [frames, phases, small]: &mut [Held; 3]) {
+fn add(name: &str, sampled: &RunReport, exact: &RunReport, [frames, phases, small]: &mut [Held; 3]) {
     let ms = |report: &RunReport| report.total.ms.expect("timed");
-    frames.add(ms(sampled), sampled.total.ms_interval, ms(exact));
+    frames.add(name, ms(sampled), sampled.total.ms_interval, ms(exact));
     for (phase, exact) in sampled.phases.iter().zip(&exact.phases) {
         let (ms, exact_ms) = (phase.ms.expect("timed"), exact.ms.expect("timed"));
         let of = if exact.share.is_some_and(|share| share > SHARE) { &mut *phases } else { &mut *small };
-        of.add(ms, phase.ms_interval, exact_ms);
+        of.add(&format!("{name}, {}", phase.id), ms, phase.ms_interval, exact_ms);
     }
 }
 
@@ -100,7 +101,7 @@ fn main() -> Result<(), Error> {
             let exact = run_frame(&request(scene.clone(), chip.clone(), Fidelity::Windowed), &Quiet)?;
             let fast = run_frame(&request(scene, chip.clone(), sampled(0)), &Quiet)?;
             let mut of_scene = [Held::default(), Held::default(), Held::default()];
-            add(&fast.report, &exact.report, &mut of_scene);
+            add(name, &fast.report, &exact.report, &mut of_scene);
             let [of_windowed, of_sampled] = [&exact, &fast].map(seconds);
             println!(
                 "{name}: windowed {of_windowed:.1} s, sampled {of_sampled:.1} s, {:.1} times",
@@ -113,7 +114,8 @@ fn main() -> Result<(), Error> {
         }
         return Ok(());
     }
-    for (name, width, height) in SCENES {
+    let filter = std::env::args().skip(1).find(|argument| !argument.starts_with('-')).unwrap_or_default();
+    for (name, width, height) in SCENES.into_iter().filter(|(name, ..)| name.contains(&filter)) {
         let mut scene = inputs::scene(name)?;
         inputs::resize(&mut scene, width, height)?;
         for machine in MACHINES {
@@ -122,7 +124,8 @@ fn main() -> Result<(), Error> {
             let exact = run_frame(&request(scene.clone(), machine.clone(), Fidelity::Windowed), &Quiet)?;
             for seed in 0..SEEDS {
                 let fast = run_frame(&request(scene.clone(), machine.clone(), sampled(seed)), &Quiet)?;
-                add(&fast.report, &exact.report, &mut held);
+                let case = format!("{name} on {} cores, seed {seed}", machine.config.cores);
+                add(&case, &fast.report, &exact.report, &mut held);
             }
         }
     }

@@ -164,9 +164,13 @@ mod tests {
         assert_eq!(pattern(&methods[..1]), format!("^(sism(:{option}(,{option})*)?)$"));
         let twice = "[:,]angle=.*,angle=|[:,]form=.*,form=|[:,]lights=.*,lights=|[:,]overlap=.*,overlap=|[:,]sums=.*,sums=";
         assert_eq!(pattern_of_twice(&methods[..1]).as_deref(), Some(twice));
+        let option = "(error=[0-9]+%?|seed=[0-9]+)";
         assert_eq!(
             (pattern(&levels()), pattern_of_twice(&levels())),
-            ("^(functional|windowed|cycle)$".to_owned(), None)
+            (
+                format!("^(functional|sampled(:{option}(,{option})*)?|windowed|cycle)$"),
+                Some("[:,]error=.*,error=|[:,]seed=.*,seed=".to_owned())
+            )
         );
     }
 }

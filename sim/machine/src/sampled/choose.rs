@@ -15,8 +15,14 @@ const SHARE: f64 = 0.06;
 /// Chunks for each thread that are timed at least.
 const PER_THREAD: f64 = 1.5;
 
-/// Neighbors that are timed together: what one of them has in its caches the next may need.
-const GROUP: usize = 16;
+/// Chunks that are timed at least: with fewer, how much they differ is not known.
+const CHUNKS_MIN: f64 = 144.0;
+
+/// Neighbors that are timed together at most: what one of them has in its caches the next may need.
+const GROUP_MAX: usize = 16;
+
+/// Groups of neighbors at least, as far as there are so many chunks.
+const GROUPS_MIN: usize = 12;
 
 /// Tasks of the first chunk of each thread that are timed: what is cold is cold for them.
 const FIRST_TASKS: u32 = 1;
@@ -68,7 +74,7 @@ impl Chunks {
     /// thread, so that the others are not alone while they run. `None`: all chunks.
     pub(super) fn first_round(&mut self) -> Option<Vec<Part>> {
         let middle = self.threads..self.count().saturating_sub(self.threads);
-        let least = PER_THREAD * self.threads as f64;
+        let least = (PER_THREAD * self.threads as f64).max(CHUNKS_MIN);
         let wanted = (self.count() as f64 * SHARE).max(least) as usize;
         if (wanted + 2 * self.threads) as f64 > WHOLE_SHARE * self.count() as f64 {
             return None;
@@ -93,13 +99,14 @@ impl Chunks {
         if wanted >= chunks.len() {
             return chunks.iter().map(|chunk| self.part(*chunk, u32::MAX)).collect();
         }
-        let groups = (wanted / GROUP).max(1);
+        let group = (wanted / GROUPS_MIN).clamp(1, GROUP_MAX);
+        let groups = (wanted / group).max(1);
         let mut picked = Vec::new();
-        for group in 0..groups {
-            let share = &chunks[chunks.len() * group / groups..chunks.len() * (group + 1) / groups];
-            let room = share.len().saturating_sub(GROUP) + 1;
-            let at = (hash(self.seed ^ group as u64) % room as u64) as usize;
-            picked.extend(share[at..].iter().take(GROUP).map(|chunk| self.part(*chunk, u32::MAX)));
+        for number in 0..groups {
+            let share = &chunks[chunks.len() * number / groups..chunks.len() * (number + 1) / groups];
+            let room = share.len().saturating_sub(group) + 1;
+            let at = (hash(self.seed ^ number as u64) % room as u64) as usize;
+            picked.extend(share[at..].iter().take(group).map(|chunk| self.part(*chunk, u32::MAX)));
         }
         picked
     }

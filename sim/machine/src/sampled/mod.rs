@@ -62,6 +62,8 @@ pub(crate) struct Sampled {
     /// Steps so far, and their cycles.
     steps: u32,
     now: Cycle,
+    /// Whether anything was left out so far.
+    has_skipped: bool,
     activity: Vec<CoreActivity>,
 }
 
@@ -97,6 +99,7 @@ impl Sampled {
             host_threads,
             steps: 0,
             now: 0,
+            has_skipped: false,
             activity: vec![CoreActivity::default(); spec.cores as usize],
         }
     }
@@ -174,7 +177,12 @@ impl Timing for Sampled {
         let seed = u64::from(self.sampling.seed) << 32 | u64::from(self.steps);
         let mut chunks = Chunks::new(&lengths, threads as usize, seed);
         let Some(first) = chunks.first_round() else {
-            let report = self.chip.run_step(tasks)?;
+            let mut report = self.chip.run_step(tasks)?;
+            if self.has_skipped {
+                // What earlier steps would have left in caches is not there.
+                report.cycles_variance =
+                    (report.cycles as f64 * rate::model(&report.cycle_stack)).powi(2) as u64;
+            }
             self.activity.copy_from_slice(self.chip.activity());
             self.now += report.cycles;
             return Ok(report);
@@ -210,6 +218,7 @@ impl Timing for Sampled {
         }
 
         // The others are run and counted.
+        self.has_skipped = true;
         let untimed = self.skip(tasks, &chunks.untimed(tasks.is_ordered(), &sample.skipped));
         sample.skipped.add(untimed);
         let Sample { timed, uops, cycles, skipped, .. } = sample;

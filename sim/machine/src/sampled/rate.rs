@@ -5,10 +5,13 @@ use crate::counters::CycleStack;
 use std::ops::Range;
 
 /// Neighbors whose errors are taken together: they have data, and so errors, in common.
-const TOGETHER: usize = 8;
+const TOGETHER: usize = 12;
 
 /// Relative standard deviation of a rate whatever is measured: what is not timed leaves caches cold, and threads end at other times.
 pub(super) const MODEL: f64 = 0.025;
+
+/// How near threads come to knowing of no other, from not at all to wholly: as found on `saloon`, `street` and `fern` (`benches/sampled.rs`).
+const INDEPENDENT: f64 = 0.75;
 
 /// How much more of it there is where cores do nothing but wait for data from outside of their caches.
 pub(super) const MODEL_OUTSIDE: f64 = 0.08;
@@ -41,10 +44,10 @@ impl Rate {
         let groups = chunks.chunks(TOGETHER);
         let count = groups.len() as f64;
         let squares: f64 = groups.map(sum).map(|group| (group.cycles - rate * group.uops).powi(2)).sum();
-        let choice = (squares * count / (count - 1.0).max(1.0)).sqrt() / cycles;
-        let outside = stack.memory + stack.remote + stack.ring + stack.tlb + stack.mshr;
-        let waited = outside as f64 / (stack.total() - stack.barrier).max(1) as f64;
-        let data = MODEL + MODEL_OUTSIDE * waited;
+        // Of few groups the deviation itself is uncertain: that of Student's distribution with one degree of freedom less than there are.
+        let freedom = (count - 3.0).max(1.0);
+        let choice = (squares * count / freedom).sqrt() / cycles;
+        let data = model(stack);
         // Anywhere within its bounds, with equal chance.
         let ends = doubt / cycles;
         Rate { cycles: rate, choice, model: (data * data + ends * ends / 3.0).sqrt() }
@@ -62,13 +65,24 @@ impl Rate {
     }
 }
 
+/// Relative standard deviation, whatever is measured, of a time that went to the causes of `stack`, where not all is timed.
+pub(super) fn model(stack: &CycleStack) -> f64 {
+    let outside = stack.memory + stack.remote + stack.ring + stack.tlb + stack.mshr;
+    let waited = outside as f64 / (stack.total() - stack.barrier).max(1) as f64;
+    MODEL + MODEL_OUTSIDE * waited
+}
+
 /// What `chunks` tell of a run in which cores issued in `busy` cycles. Who is left with a core for fewer may go faster: not at all where
 /// threads fill each other's gaps so well that all of them had room, and as if no thread knew of any other where they do not.
 pub(super) fn told(durations: &Durations, uops: &[u64], chunks: Range<usize>, busy: u64) -> Vec<Told> {
     let ready = durations.readiness(busy);
     let tell = |chunk: usize| {
         let (least, most) = (durations.cycles(chunk) as f64, durations.crowded_cycles(chunk, ready));
-        Told { uops: uops[chunk] as f64, cycles: 0.5 * (least + most), doubt: 0.5 * (most - least) }
+        Told {
+            uops: uops[chunk] as f64,
+            cycles: least + INDEPENDENT * (most - least),
+            doubt: 0.5 * (most - least),
+        }
     };
     chunks.map(tell).collect()
 }

@@ -198,9 +198,9 @@ fn a_rate_is_a_ratio_whose_error_is_that_of_its_chunks() {
     let deviation = Rate::of(&[told(30.0, 0.0); 64], &waits).deviation();
     assert!((deviation - rate::MODEL - 0.5 * rate::MODEL_OUTSIDE).abs() < 1e-12);
     // Half of the groups take 2 cycles a uop, half 4: each is off by a third, and there are 8.
-    let two: Vec<Told> = (0..64).map(|chunk| told(if chunk < 32 { 20.0 } else { 40.0 }, 0.0)).collect();
+    let two: Vec<Told> = (0..96).map(|chunk| told(if chunk < 48 { 20.0 } else { 40.0 }, 0.0)).collect();
     let rate = Rate::of(&two, &stack);
-    let choice = (1.0 / 9.0 / 7.0 + rate::MODEL * rate::MODEL).sqrt();
+    let choice = (1.0 / 9.0 / 5.0 + rate::MODEL * rate::MODEL).sqrt();
     assert!(rate.cycles == 3.0 && (rate.deviation() - choice).abs() < 1e-12, "{rate:?}");
     // A tenth either way is a standard deviation of a tenth over the root of 3.
     let deviation = Rate::of(&[told(30.0, 3.0); 64], &stack).deviation();
