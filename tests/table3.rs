@@ -140,7 +140,7 @@ fn the_study_leaves_a_table_and_a_page_that_can_be_drawn_again() {
 fn what_is_no_method_or_no_study_of_this_kind_is_refused() {
     let folder = Folder::new();
     folder.run(&["study", "table3", "--only", "xyz"]).refused(&["no row of `table3`", "sism:overlap=sum"]);
-    folder.run(&["study", "table3", "-a", "pcs"]).refused(&["did you mean `pcss`?"]);
+    folder.run(&["study", "table3", "-a", "pcs"]).refused(&["`pcs` is no algorithm", "`pcss`"]);
     folder.run(&["study", "cores", "-a", "pcss"]).refused(&["`-a` is for `lrbsim study table3` alone"]);
     folder.run(&["study", "stability", "-a", "pcss"]).refused(&["`-a` is for `lrbsim study table3` alone"]);
     folder.run(&["study", "cores", "--quick"]).refused(&["`--quick` is for", "`table3` alone"]);

@@ -3,8 +3,8 @@
 mod common;
 
 use common::{
-    Lanewise, Random, cases, draw, evaluate, expected, input, nasty_meshes, number, on, one_of_each_kind,
-    polygons, random_scene, run_step, same_on_all_back_ends, shipped, sphere,
+    Lanewise, Random, cases, draw, evaluate, expected, input, number, on, one_of_each_kind, polygons,
+    random_scene, run_step, same_on_all_back_ends, shipped, sphere,
 };
 use lrbsim_isa::{Arena, Phase, Runner, Step, Vpu};
 use lrbsim_kernels::field;
@@ -395,7 +395,8 @@ fn skins_are_nearer_to_the_truth_than_the_same_samples_without() {
             let masked = with("");
             let without = with(",threshold=1");
             assert!(masked < without, "{name}, {samples}: {masked} with, {without} without");
-            if samples == 2 {
+            // For the figures of docs/methods.md; the other scenes take half a minute.
+            if samples == 2 && name == "table" {
                 with(",skin=printed");
                 with(",skin=agreed");
             }
@@ -466,20 +467,7 @@ fn soft_shadow_maps_are_the_same_on_all_back_ends_and_their_tasks_are_short() {
 }
 
 #[test]
-fn valid_nasty_meshes_empty_frames_and_degenerate_lights_give_visibilities() {
-    let mut seen = 0;
-    for mesh in nasty_meshes() {
-        // Valid files without geometry are no scenes.
-        let Ok(scene) = mesh.scene else { continue };
-        let eye = EyeView::render(&scene.mesh, &scene.camera, 64, 48);
-        let (center, half) = (scene.light.center(), DVec3::new(1.0, 0.5, 0.2) * scene.light.radius());
-        let scene = Scene { light: Light::Linear { p0: center - half, p1: center + half }, ..scene };
-        let input = ShadowInput::new(&scene, &Adjacency::new(&scene.mesh), &eye);
-        draw(&Heidrich, "size=128,samples=3", &input, on());
-        seen += 1;
-    }
-    assert!(seen >= 40, "{seen}");
-
+fn empty_frames_and_degenerate_lights_give_visibilities() {
     let (scene, eye, input) = under_a_line("tiny", DVec3::X * 0.2, (64, 48));
     let empty = EyeView { points: vec![], normals: vec![], triangles: vec![], pixels: vec![], ..eye.clone() };
     let adjacency = Adjacency::new(&scene.mesh);
