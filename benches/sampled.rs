@@ -118,13 +118,13 @@ fn main() -> Result<(), Error> {
     for (name, width, height) in SCENES.into_iter().filter(|(name, ..)| name.contains(&filter)) {
         let mut scene = inputs::scene(name)?;
         inputs::resize(&mut scene, width, height)?;
-        for machine in MACHINES {
-            let settings = machine.iter().map(|setting| setting.parse()).collect::<Result<Vec<_>, _>>()?;
+        for set in MACHINES {
+            let settings = set.iter().map(|setting| setting.parse()).collect::<Result<Vec<_>, _>>()?;
             let machine = chip.with(&settings)?;
             let exact = run_frame(&request(scene.clone(), machine.clone(), Fidelity::Windowed), &Quiet)?;
             for seed in 0..SEEDS {
                 let fast = run_frame(&request(scene.clone(), machine.clone(), sampled(seed)), &Quiet)?;
-                let case = format!("{name} on {} cores, seed {seed}", machine.config.cores);
+                let case = format!("{name} with {}, seed {seed}", set.join(", "));
                 add(&case, &fast.report, &exact.report, &mut held);
             }
         }

@@ -141,6 +141,20 @@ fn the_penumbra_of_a_straight_edge_is_an_outer_one() {
     }
 }
 
+/// Behind an edge halfway to the light the outer penumbra of Eq. 1 as printed is too dark by 0.42 in the mean [algorithms, 5.3].
+#[test]
+fn the_outer_penumbra_is_as_much_too_dark_as_its_form_says() {
+    let parts: Vec<f64> = (0..20).map(|k| (f64::from(k) + 0.5) / 20.0).collect();
+    let across: Vec<f64> = parts.iter().map(|t| t * 0.2).collect();
+    let drawn = draw(&PenumbraMap, "size=2048,gradient=printed", &half_plane(&across), on()).visibility;
+    // What a straight edge leaves of a disc.
+    let truth = |t: &f64| 0.5 + (t * (1.0 - t * t).sqrt() + t.asin()) / std::f64::consts::PI;
+    let mean = |values: &mut dyn Iterator<Item = f64>, count: usize| values.sum::<f64>() / count as f64;
+    let light = mean(&mut drawn.iter().map(|x| f64::from(*x)), drawn.len());
+    let bias = light - mean(&mut parts.iter().map(truth), parts.len());
+    assert!((bias + 0.42).abs() < 0.01, "{bias}");
+}
+
 #[test]
 fn penumbra_maps_are_the_same_on_all_back_ends_and_their_tasks_are_short() {
     let input = shipped("tiny", Some((120, 90))).2;

@@ -36,6 +36,8 @@ pub(super) struct Part {
     /// The number of the chunk.
     pub(super) chunk: usize,
     pub(super) tasks: Range<u32>,
+    /// The number of the group of neighbors that it was chosen with.
+    pub(super) group: usize,
 }
 
 /// The chunks of a step, and which of them are timed so far.
@@ -46,6 +48,8 @@ pub(super) struct Chunks {
     seed: u64,
     /// By chunk the end of those of its tasks that are timed; its start if none is.
     timed: Vec<u32>,
+    /// Groups of neighbors so far.
+    groups: usize,
 }
 
 /// Mixes bits [steele14, SplitMix].
@@ -63,7 +67,7 @@ impl Chunks {
             starts.push(starts[starts.len() - 1] + length);
         }
         let timed = starts[..lengths.len()].to_vec();
-        Chunks { starts, threads, seed: hash(seed), timed }
+        Chunks { starts, threads, seed: hash(seed), timed, groups: 0 }
     }
 
     fn count(&self) -> usize {
@@ -86,18 +90,23 @@ impl Chunks {
         Some(parts)
     }
 
-    /// As many chunks more as are timed so far, or those that are left.
+    /// As many chunks more as are timed so far, or those that are left; none where they are fewer than threads.
     pub(super) fn next_round(&mut self) -> Vec<Part> {
         self.seed = hash(self.seed);
         let is_timed = |chunk: &usize| self.timed[*chunk] > self.starts[*chunk];
         let (timed, left): (Vec<usize>, Vec<usize>) = (0..self.count()).partition(is_timed);
+        // Fewer than threads would not have a core as full as the others had.
+        if left.len() < self.threads {
+            return Vec::new();
+        }
         self.groups(&left, timed.len())
     }
 
     /// Groups of neighbors among `chunks`, some `wanted` in all: one at a hashed place of each of as many equal shares.
     fn groups(&mut self, chunks: &[usize], wanted: usize) -> Vec<Part> {
         if wanted >= chunks.len() {
-            return chunks.iter().map(|chunk| self.part(*chunk, u32::MAX)).collect();
+            let all = chunks.chunks(GROUP_MAX).flat_map(|some| self.group(some));
+            return all.collect();
         }
         let group = (wanted / GROUPS_MIN).clamp(1, GROUP_MAX);
         let groups = (wanted / group).max(1);
@@ -106,9 +115,15 @@ impl Chunks {
             let share = &chunks[chunks.len() * number / groups..chunks.len() * (number + 1) / groups];
             let room = share.len().saturating_sub(group) + 1;
             let at = (hash(self.seed ^ number as u64) % room as u64) as usize;
-            picked.extend(share[at..].iter().take(group).map(|chunk| self.part(*chunk, u32::MAX)));
+            picked.extend(self.group(&share[at..share.len().min(at + group)]));
         }
         picked
+    }
+
+    /// Neighbors that are chosen together.
+    fn group(&mut self, chunks: &[usize]) -> Vec<Part> {
+        self.groups += 1;
+        chunks.iter().map(|chunk| self.part(*chunk, u32::MAX)).collect()
     }
 
     /// Up to `tasks` tasks of a chunk, which are timed from here on.
@@ -116,7 +131,7 @@ impl Chunks {
         let start = self.starts[chunk];
         let end = self.starts[chunk + 1].min(start.saturating_add(tasks));
         self.timed[chunk] = end;
-        Part { chunk, tasks: start..end }
+        Part { chunk, tasks: start..end, group: self.groups }
     }
 
     /// Part of the tasks that is timed.
@@ -132,7 +147,7 @@ impl Chunks {
         let done = if is_ordered { last.unwrap_or(0) } else { 0 };
         debug_assert!(is_ordered || skipped.uops.is_empty());
         (0..self.count())
-            .map(|chunk| Part { chunk, tasks: self.timed[chunk].max(done)..self.starts[chunk + 1] })
+            .map(|chunk| Part { chunk, tasks: self.timed[chunk].max(done)..self.starts[chunk + 1], group: 0 })
             .filter(|part| !part.tasks.is_empty())
             .collect()
     }

@@ -52,7 +52,7 @@ impl Durations {
             };
             self.idle.iter().map(of_core).sum::<f64>()
         };
-        // Half of what is left, a hundred times less than what any time would show.
+        // Twenty halvings leave a millionth.
         let (mut least, mut most) = (0.0, 1.0);
         for _ in 0..20 {
             let middle = 0.5 * (least + most);

@@ -73,7 +73,7 @@ struct Sample {
     timed: StepReport,
     /// Uops of tasks that were timed, spills left out.
     uops: u64,
-    /// By chunk the cycles of those of its tasks that were timed.
+    /// By chunk the cycles of those of its tasks that were timed, as they are while all threads have work.
     cycles: Vec<u64>,
     /// The chunks that tell the rate.
     told: Vec<Told>,
@@ -84,7 +84,7 @@ struct Sample {
 /// What tasks did that were run and not timed.
 #[derive(Debug, Default)]
 struct Skipped {
-    /// The first of each few tasks, and their uops.
+    /// For each run of neighbors its first task and its uops.
     uops: Vec<(u32, u64)>,
     counts: OpCounts,
 }
@@ -117,10 +117,15 @@ impl Sampled {
         let report = self.chip.run_chunks(&chosen, lengths)?;
         let (uops, skipped) = chosen.into_counts(parts);
         let durations = self.chip.observer();
+        let told = rate::told(durations, parts, &uops, measured.clone(), report.cycle_stack.issue);
         for (number, part) in parts.iter().enumerate() {
-            sample.cycles[part.chunk] += durations.cycles(number);
+            // In the whole step the others have work while those in its middle run.
+            sample.cycles[part.chunk] += match measured.contains(&number) {
+                true => told[number - measured.start].cycles.round() as Cycle,
+                false => durations.cycles(number),
+            };
         }
-        sample.told.extend(rate::told(durations, &uops, measured, report.cycle_stack.issue));
+        sample.told.extend(told);
         sample.timed += report;
         sample.uops += uops.iter().sum::<u64>();
         sample.skipped.add(skipped);
@@ -180,8 +185,8 @@ impl Timing for Sampled {
             let mut report = self.chip.run_step(tasks)?;
             if self.has_skipped {
                 // What earlier steps would have left in caches is not there.
-                report.cycles_variance =
-                    (report.cycles as f64 * rate::model(&report.cycle_stack)).powi(2) as u64;
+                let deviation = report.cycles as f64 * rate::model(&report.cycle_stack);
+                report.cycles_variance = (deviation * deviation) as u64;
             }
             self.activity.copy_from_slice(self.chip.activity());
             self.now += report.cycles;
@@ -235,21 +240,26 @@ impl Timing for Sampled {
 
         let untimed_uops = skipped.counts.total();
         let extrapolated = untimed_uops as f64 * rate.cycles / f64::from(threads);
-        let mut report = extrapolate(&timed, cycles, 1.0 + untimed_uops as f64 / uops as f64, &self.spec);
-        report.cycles_variance = (extrapolated * rate.deviation()).powi(2) as u64;
+        // A task that is too long to be recorded leaves none; that run is refused.
+        let more = untimed_uops as f64 / uops.max(1) as f64;
+        let running = u64::from(self.spec.cores) * (cycles - barrier);
+        let mut report =
+            extrapolate(&timed, cycles, 1.0 + more, [running, u64::from(self.spec.cores) * barrier]);
+        let deviation = extrapolated * rate.deviation();
+        report.cycles_variance = (deviation * deviation) as u64;
         report.atomics.task_pulls = lengths.len() as u64 + u64::from(threads);
         let untimed_tasks = u64::from(tasks.tasks()) - timed.tasks;
         let mut untimed = StepReport::of_counts(untimed_tasks as u32, &skipped.counts);
         // The others hold what their registers do not in memory too, and functional runs do not count that.
         for class in [Class::SpillStore, Class::SpillLoad] {
-            let spills = timed.class_counts[class as usize] as f64 * (untimed_uops as f64 / uops as f64);
+            let spills = timed.class_counts[class as usize] as f64 * more;
             untimed.class_counts[class as usize] = spills.round() as u64;
             untimed.issued += spills.round() as u64;
         }
         report += untimed;
         report.paired = report.issued.saturating_sub(report.cycle_stack.issue);
         self.now += cycles;
-        share_out(&mut self.activity, &report);
+        share_out(&mut self.activity, &report, cycles - barrier);
         Ok(report)
     }
 
@@ -258,21 +268,24 @@ impl Timing for Sampled {
     }
 }
 
-/// The report of a step that takes `cycles`, of which `timed` is a sample: what the machine counts is `factor` times as much.
-/// Instructions, lanes and tasks are those of the sample.
-fn extrapolate(timed: &StepReport, cycles: u64, factor: f64, spec: &MachineSpec) -> StepReport {
+/// The report of a step that takes `cycles`, of which `timed` is a sample: what the machine counts is `factor` times as much, but for what
+/// all cores have `running` cycles and those of the `barrier` for. Instructions, lanes and tasks are those of the sample.
+fn extrapolate(timed: &StepReport, cycles: Cycle, factor: f64, [running, barrier]: [Cycle; 2]) -> StepReport {
     let scaled = |count: u64| (count as f64 * factor).round() as u64;
     let mut report = StepReport { steps: 1, cycles, ..timed.clone() };
-    let core_cycles = u64::from(spec.cores) * cycles;
     let mut stack = Cause::ALL.map(|cause| scaled(timed.cycle_stack.get(cause)));
     // Who waits at the barrier, and for how long, a sample does not tell: it is what the others leave.
     stack[Cause::Barrier as usize] = 0;
-    let mut used: u64 = stack.iter().sum();
-    if used > core_cycles {
-        stack = stack.map(|cycles| (cycles as f64 * (core_cycles as f64 / used as f64)) as u64);
-        used = stack.iter().sum();
+    let issue = stack[Cause::Issue as usize].min(running);
+    stack[Cause::Issue as usize] = 0;
+    let waits: u64 = stack.iter().sum();
+    let room = running - issue;
+    if waits > room {
+        stack = stack.map(|cycles| (cycles as f64 * (room as f64 / waits as f64)) as u64);
     }
-    stack[Cause::Barrier as usize] = core_cycles - used;
+    let waits: u64 = stack.iter().sum();
+    stack[Cause::Issue as usize] = issue;
+    stack[Cause::Barrier as usize] = barrier + room.saturating_sub(waits);
     report.cycle_stack = CycleStack::from_array(stack);
     for counters in [&mut report.l1d, &mut report.l2] {
         let CacheCounters { accesses, hits, misses, merged, upgrades, writebacks, evictions, invalidations } =
@@ -308,19 +321,39 @@ fn extrapolate(timed: &StepReport, cycles: u64, factor: f64, spec: &MachineSpec)
     report
 }
 
-/// Makes the sums over `cores` those of the step, each core with the part of them that it had of the sample.
-fn share_out(cores: &mut [CoreActivity], report: &StepReport) {
-    let share = |total: u64, part: fn(&mut CoreActivity) -> &mut u64, cores: &mut [CoreActivity]| {
-        let sum: u64 = cores.iter_mut().map(|core| *part(core)).sum();
-        let (mut before, mut given) = (0, 0);
-        for core in cores {
-            before += *part(core);
-            let until = (total as f64 * (before as f64 / sum.max(1) as f64)).round() as u64;
-            *part(core) = until - given;
-            given = until;
-        }
-    };
-    share(report.issued, |core| &mut core.issued, cores);
-    share(report.cycle_stack.issue, |core| &mut core.busy_cycles, cores);
-    cores.iter_mut().filter(|core| core.issued > 0).for_each(|core| core.arrival_cycles = report.cycles);
+/// Makes the sums over `cores` those of the step, each core with the part of them that it had of the sample, as far as the step's cycles
+/// before its barrier, `arrival`, allow.
+fn share_out(cores: &mut [CoreActivity], report: &StepReport, arrival: Cycle) {
+    let [busy, paired]: [Vec<u64>; 2] = [
+        cores.iter().map(|core| core.busy_cycles).collect(),
+        cores.iter().map(|core| core.issued - core.busy_cycles).collect(),
+    ];
+    let busy = shares(report.cycle_stack.issue, &busy, arrival);
+    let paired = shares(report.paired, &paired, u64::MAX);
+    for ((core, busy), paired) in cores.iter_mut().zip(busy).zip(paired) {
+        let arrival_cycles = if core.issued > 0 { arrival } else { 0 };
+        *core = CoreActivity { issued: busy + paired, busy_cycles: busy, arrival_cycles };
+    }
+}
+
+/// Whole numbers in proportion to `parts` that add up to `total`, none above `most`.
+fn shares(total: u64, parts: &[u64], most: u64) -> Vec<u64> {
+    let sum = parts.iter().sum::<u64>().max(1) as f64;
+    let (mut before, mut given) = (0, 0);
+    let mut shares: Vec<u64> = parts
+        .iter()
+        .map(|part| {
+            before += part;
+            // What one has no room for, the next gets.
+            let share =
+                ((total as f64 * (before as f64 / sum)).round() as u64).saturating_sub(given).min(most);
+            given += share;
+            share
+        })
+        .collect();
+    for share in &mut shares {
+        let more = total.saturating_sub(given).min(most - *share);
+        (*share, given) = (*share + more, given + more);
+    }
+    shares
 }

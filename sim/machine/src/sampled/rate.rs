@@ -1,11 +1,9 @@
 //! What a uop takes of a thread while all others have work too.
 
+use super::choose::Part;
 use super::durations::Durations;
 use crate::counters::CycleStack;
 use std::ops::Range;
-
-/// Neighbors whose errors are taken together: they have data, and so errors, in common.
-const TOGETHER: usize = 12;
 
 /// Relative standard deviation of a rate whatever is measured: what is not timed leaves caches cold, and threads end at other times.
 pub(super) const MODEL: f64 = 0.025;
@@ -23,34 +21,39 @@ pub(super) struct Told {
     pub(super) uops: f64,
     /// Cycles that its thread would have had it, had all others had work all the time.
     pub(super) cycles: f64,
-    /// How far off these may be, either way.
+    /// Standard deviation of these, which all chunks have in common.
     pub(super) doubt: f64,
+    /// The group of neighbors that it was chosen with.
+    pub(super) group: usize,
 }
 
 /// Cycles of a thread for each uop that is no spill.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Rate {
     pub(super) cycles: f64,
-    /// Relative standard deviation: of the choice, and of the model.
+    /// Relative standard deviation that comes of the choice of chunks.
     choice: f64,
+    /// Relative standard deviation that comes of the model.
     model: f64,
 }
 
 impl Rate {
     /// The rate of `chunks`, in which the chip has spent its time on the causes of `stack`.
     pub(super) fn of(chunks: &[Told], stack: &CycleStack) -> Rate {
-        let Told { uops, cycles, doubt } = sum(chunks);
+        let Told { uops, cycles, doubt, .. } = sum(chunks);
         let rate = cycles / uops.max(1.0);
-        let groups = chunks.chunks(TOGETHER);
-        let count = groups.len() as f64;
-        let squares: f64 = groups.map(sum).map(|group| (group.cycles - rate * group.uops).powi(2)).sum();
+        // Neighbors have data, and so errors, in common.
+        let (mut count, mut squares) = (0.0_f64, 0.0);
+        for group in chunks.chunk_by(|a, b| a.group == b.group).map(sum) {
+            let error = group.cycles - rate * group.uops;
+            (count, squares) = (count + 1.0, squares + error * error);
+        }
         // Of few groups the deviation itself is uncertain: that of Student's distribution with one degree of freedom less than there are.
         let freedom = (count - 3.0).max(1.0);
-        let choice = (squares * count / freedom).sqrt() / cycles;
+        let choice = (squares * count / freedom).sqrt() / cycles.max(1.0);
         let data = model(stack);
-        // Anywhere within its bounds, with equal chance.
-        let ends = doubt / cycles;
-        Rate { cycles: rate, choice, model: (data * data + ends * ends / 3.0).sqrt() }
+        let ends = doubt / cycles.max(1.0);
+        Rate { cycles: rate, choice, model: (data * data + ends * ends).sqrt() }
     }
 
     /// Relative standard deviation of the rate that comes of the choice alone.
@@ -72,16 +75,27 @@ pub(super) fn model(stack: &CycleStack) -> f64 {
     MODEL + MODEL_OUTSIDE * waited
 }
 
-/// What `chunks` tell of a run in which cores issued in `busy` cycles. Who is left with a core for fewer may go faster: not at all where
-/// threads fill each other's gaps so well that all of them had room, and as if no thread knew of any other where they do not.
-pub(super) fn told(durations: &Durations, uops: &[u64], chunks: Range<usize>, busy: u64) -> Vec<Told> {
+/// What `chunks` tell of a run of `parts` in which cores issued in `busy` cycles. Once other threads of a core have run out of work, those that
+/// are left may go faster: not at all where threads fill each other's gaps so well that all of them had room, and as if no thread knew
+/// of any other where they do not.
+pub(super) fn told(
+    durations: &Durations,
+    parts: &[Part],
+    uops: &[u64],
+    chunks: Range<usize>,
+    busy: u64,
+) -> Vec<Told> {
+    // The truth is taken to be anywhere between both, with equal chance.
+    let [below, above] = [INDEPENDENT, 1.0 - INDEPENDENT];
+    let deviation = ((below * below * below + above * above * above) / 3.0).sqrt();
     let ready = durations.readiness(busy);
     let tell = |chunk: usize| {
         let (least, most) = (durations.cycles(chunk) as f64, durations.crowded_cycles(chunk, ready));
         Told {
             uops: uops[chunk] as f64,
             cycles: least + INDEPENDENT * (most - least),
-            doubt: 0.5 * (most - least),
+            doubt: deviation * (most - least),
+            group: parts[chunk].group,
         }
     };
     chunks.map(tell).collect()
@@ -92,5 +106,6 @@ fn sum(chunks: &[Told]) -> Told {
         uops: sum.uops + chunk.uops,
         cycles: sum.cycles + chunk.cycles,
         doubt: sum.doubt + chunk.doubt,
+        group: chunk.group,
     })
 }

@@ -188,21 +188,58 @@ fn a_chunk_takes_longer_where_others_would_have_had_work() {
 }
 
 #[test]
-fn a_rate_is_a_ratio_whose_error_is_that_of_its_chunks() {
+fn a_rate_is_a_ratio_whose_error_is_that_of_its_groups() {
     let stack = CycleStack { issue: 100, barrier: 50, ..CycleStack::default() };
-    let told = |cycles: f64, doubt: f64| Told { uops: 10.0, cycles, doubt };
-    let even = Rate::of(&[told(30.0, 0.0); 64], &stack);
+    // Eight groups of twelve chunks.
+    let told = |cycles: fn(usize) -> f64, doubt: f64| -> Vec<Told> {
+        (0..96).map(|chunk| Told { uops: 10.0, cycles: cycles(chunk), doubt, group: chunk / 12 }).collect()
+    };
+    let even = Rate::of(&told(|_| 30.0, 0.0), &stack);
     assert_eq!((even.cycles, even.deviation()), (3.0, rate::MODEL));
     // Waits for what lies outside of the core count, and the barrier does not.
     let waits = CycleStack { issue: 100, memory: 100, barrier: 50, ..CycleStack::default() };
-    let deviation = Rate::of(&[told(30.0, 0.0); 64], &waits).deviation();
+    let deviation = Rate::of(&told(|_| 30.0, 0.0), &waits).deviation();
     assert!((deviation - rate::MODEL - 0.5 * rate::MODEL_OUTSIDE).abs() < 1e-12);
-    // Half of the groups take 2 cycles a uop, half 4: each is off by a third, and there are 8.
-    let two: Vec<Told> = (0..96).map(|chunk| told(if chunk < 48 { 20.0 } else { 40.0 }, 0.0)).collect();
-    let rate = Rate::of(&two, &stack);
+    // Half of the groups take 2 cycles a uop, half 4: each is off by a third.
+    let rate = Rate::of(&told(|chunk| if chunk < 48 { 20.0 } else { 40.0 }, 0.0), &stack);
     let choice = (1.0 / 9.0 / 5.0 + rate::MODEL * rate::MODEL).sqrt();
     assert!(rate.cycles == 3.0 && (rate.deviation() - choice).abs() < 1e-12, "{rate:?}");
-    // A tenth either way is a standard deviation of a tenth over the root of 3.
-    let deviation = Rate::of(&[told(30.0, 3.0); 64], &stack).deviation();
-    assert!((deviation - (0.01 / 3.0 + rate::MODEL * rate::MODEL).sqrt()).abs() < 1e-12);
+    // What all have in common does not grow less with their number.
+    let deviation = Rate::of(&told(|_| 30.0, 3.0), &stack).deviation();
+    assert!((deviation - (0.01 + rate::MODEL * rate::MODEL).sqrt()).abs() < 1e-12);
+}
+
+#[test]
+fn shares_add_up_and_none_is_above_what_there_is_room_for() {
+    assert_eq!(shares(10, &[1, 1, 2], u64::MAX), [3, 2, 5]);
+    assert_eq!(shares(10, &[1, 1, 2], 4), [4, 2, 4]);
+    assert_eq!(shares(12, &[1, 1, 8], 5), [5, 2, 5]);
+    assert_eq!(shares(7, &[0, 0], 9), [7, 0]);
+    assert_eq!(shares(0, &[3, 4], 9), [0, 0]);
+}
+
+#[test]
+fn no_core_is_busy_for_longer_than_the_step_and_the_barrier_has_its_cycles() {
+    let mut level = sampled(Sampling::DEFAULT, 1);
+    let report = level.run_step(&uneven(Mix::AluHeavy, 3000)).expect("moves");
+    let barrier = level.chip.observer().barrier_cycles();
+    assert!(barrier > 0 && report.cycle_stack.barrier >= u64::from(spec().cores) * barrier);
+    for core in level.activity() {
+        assert!(core.busy_cycles <= core.arrival_cycles && core.arrival_cycles == report.cycles - barrier);
+        assert!(core.issued >= core.busy_cycles && core.issued <= 2 * core.busy_cycles, "{core:?}");
+    }
+}
+
+#[test]
+fn one_thread_alone_and_tasks_without_uops_are_no_trouble() {
+    let mut spec = spec();
+    (spec.cores, spec.threads_per_core) = (1, 1);
+    let run = |make: fn(u32) -> Stream| {
+        let mut level = Sampled::new(&spec, Sampling::DEFAULT, 1);
+        level.run_step(&Tasks { count: 2000, make }).expect("moves")
+    };
+    let report = run(|task| Mix::Kernel.stream(task, 60));
+    assert!(report.cycles_variance > 0 && report.cycle_stack.total() == report.cycles);
+    let report = run(|_| Stream::default());
+    assert_eq!((report.issued, report.tasks), (0, 2000));
 }
