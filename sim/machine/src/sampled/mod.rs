@@ -73,7 +73,7 @@ struct Sample {
     timed: StepReport,
     /// Uops of tasks that were timed, spills left out.
     uops: u64,
-    /// By chunk the cycles of those of its tasks that were timed, as they are while all threads have work.
+    /// By chunk the cycles of those of its tasks that were timed.
     cycles: Vec<u64>,
     /// The chunks that tell the rate.
     told: Vec<Told>,
@@ -117,13 +117,9 @@ impl Sampled {
         let report = self.chip.run_chunks(&chosen, lengths)?;
         let (uops, skipped) = chosen.into_counts(parts);
         let durations = self.chip.observer();
-        let told = rate::told(durations, parts, &uops, measured.clone(), report.cycle_stack.issue);
+        let told = rate::told(durations, parts, &uops, measured, report.cycle_stack.issue);
         for (number, part) in parts.iter().enumerate() {
-            // In the whole step the others have work while those in its middle run.
-            sample.cycles[part.chunk] += match measured.contains(&number) {
-                true => told[number - measured.start].cycles.round() as Cycle,
-                false => durations.cycles(number),
-            };
+            sample.cycles[part.chunk] += durations.cycles(number);
         }
         sample.told.extend(told);
         sample.timed += report;
