@@ -149,9 +149,8 @@ fn the_outer_penumbra_is_as_much_too_dark_as_its_form_says() {
     let drawn = draw(&PenumbraMap, "size=2048,gradient=printed", &half_plane(&across), on()).visibility;
     // What a straight edge leaves of a disc.
     let truth = |t: &f64| 0.5 + (t * (1.0 - t * t).sqrt() + t.asin()) / std::f64::consts::PI;
-    let mean = |values: &mut dyn Iterator<Item = f64>, count: usize| values.sum::<f64>() / count as f64;
-    let light = mean(&mut drawn.iter().map(|x| f64::from(*x)), drawn.len());
-    let bias = light - mean(&mut parts.iter().map(truth), parts.len());
+    let light = drawn.iter().map(|x| f64::from(*x)).sum::<f64>() / drawn.len() as f64;
+    let bias = light - parts.iter().map(truth).sum::<f64>() / parts.len() as f64;
     assert!((bias + 0.42).abs() < 0.01, "{bias}");
 }
 

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use lrbsim_isa::{Class, Phase};
+use lrbsim_machine::counters::NORMAL_95;
 use lrbsim_machine::{PhaseCounters, StepReport};
 
 use crate::run::{Instructions, Lanes, PhaseReport, StepRow, milliseconds, ratio};
@@ -26,9 +27,6 @@ pub struct PhaseCosts {
     /// Cycles in which each core issued, by core; `None` when nothing is timed.
     pub core_busy_cycles: Option<Vec<u64>>,
 }
-
-/// Standard deviations on either side of a mean that hold 95 % of a normal distribution.
-const NORMAL_95: f64 = 1.96;
 
 /// The rows of a report, with shares of the whole frame. `clock` is `None` when nothing was timed.
 pub fn phase_reports(phases: &[PhaseCosts], clock: Option<Clock>) -> Vec<PhaseReport> {

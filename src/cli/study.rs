@@ -193,6 +193,9 @@ fn run_points(what: &What, args: &StudyArgs, out: &mut impl Write) -> Result<boo
         None => std::thread::available_parallelism().map_or(1, |threads| threads.get()),
         Some(jobs) => sound_jobs(jobs)?,
     };
+    if !args.algorithms.is_empty() && what.study != Path::new(table3::NAME) {
+        return Err(not_for("-a", &[table3::NAME]).into());
+    }
     let made = MADE.iter().find(|(name, _)| what.study == Path::new(name));
     if let Some((name, run)) = made {
         if slurm {
@@ -202,13 +205,7 @@ fn run_points(what: &What, args: &StudyArgs, out: &mut impl Write) -> Result<boo
             .with_help("leave `--engine slurm` out")
             .into());
         }
-        if !args.algorithms.is_empty() && *name != table3::NAME {
-            return Err(not_for("-a", &[table3::NAME]).into());
-        }
         return run_made(name, *run, args, jobs, out);
-    }
-    if !args.algorithms.is_empty() {
-        return Err(not_for("-a", &[table3::NAME]).into());
     }
     if args.only.is_some() || args.quick {
         let given = if args.quick { "--quick" } else { "--only" };

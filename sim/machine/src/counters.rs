@@ -280,6 +280,9 @@ counters! {
     }
 }
 
+/// Standard deviations on either side of a mean that hold 95 % of a normal distribution.
+pub const NORMAL_95: f64 = 1.96;
+
 /// Everything one step measured; the sum over steps is a phase.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -104,11 +104,12 @@ impl FromStr for Fidelity {
 /// The level with all of its options, as `--fidelity` takes it.
 impl fmt::Display for Fidelity {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.entry().name)?;
+        let entry = self.entry();
+        f.write_str(entry.name)?;
         match self {
-            Fidelity::Sampled(Sampling { error_percent, seed: 0 }) => write!(f, ":error={error_percent}%"),
             Fidelity::Sampled(Sampling { error_percent, seed }) => {
-                write!(f, ":error={error_percent}%,seed={seed}")
+                let options = entry.options(&format!("error={error_percent},seed={seed}"));
+                write!(f, ":{}", options.map_err(|_| fmt::Error)?)
             }
             Fidelity::Functional | Fidelity::Windowed | Fidelity::Cycle => Ok(()),
         }
@@ -123,6 +124,7 @@ mod tests {
     fn every_level_is_read_as_it_is_shown() {
         for level in Fidelity::ALL {
             assert_eq!(level.to_string().parse(), Ok(level));
+            assert_eq!(level.entry().name.parse(), Ok(level));
         }
         for (written, shown) in [
             ("sampled", "sampled:error=5%"),

@@ -52,7 +52,7 @@ pub(super) struct Chunks {
     groups: usize,
 }
 
-/// Mixes bits [steele14, SplitMix].
+/// Mixes bits (splitmix64).
 fn hash(x: u64) -> u64 {
     let mut z = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -140,14 +140,10 @@ impl Chunks {
         f64::from(timed) / f64::from(self.starts[self.count()])
     }
 
-    /// What is not timed; of ordered steps, what has not been run meanwhile either.
-    pub(super) fn untimed(&self, is_ordered: bool, skipped: &Skipped) -> Vec<Part> {
-        let last =
-            self.timed.iter().zip(&self.starts).filter(|(end, start)| end > start).map(|(end, _)| *end).max();
-        let done = if is_ordered { last.unwrap_or(0) } else { 0 };
-        debug_assert!(is_ordered || skipped.uops.is_empty());
+    /// What is not timed.
+    pub(super) fn untimed(&self) -> Vec<Part> {
         (0..self.count())
-            .map(|chunk| Part { chunk, tasks: self.timed[chunk].max(done)..self.starts[chunk + 1], group: 0 })
+            .map(|chunk| Part { chunk, tasks: self.timed[chunk]..self.starts[chunk + 1], group: 0 })
             .filter(|part| !part.tasks.is_empty())
             .collect()
     }
@@ -158,12 +154,12 @@ impl Chunks {
     }
 }
 
-/// The chosen tasks of a step, as a chip sees them: by position.
+/// The chosen tasks of a step, by position: as a chip sees them that times them, or what runs them without.
 pub(super) struct Chosen<'a> {
     inner: &'a dyn TaskSource,
     /// The number of each task.
     tasks: Vec<u32>,
-    /// The uops of each task but for spills, once it is recorded.
+    /// The uops of each task but for spills, once it has run.
     uops: Vec<AtomicU64>,
     /// Where tasks are run in order: the next, and what those did that were not chosen.
     skipped: Mutex<(u32, Skipped)>,
@@ -202,8 +198,10 @@ impl TaskSource for Chosen<'_> {
         if self.is_ordered() {
             let mut skipped = self.skipped.lock().unwrap_or_else(PoisonError::into_inner);
             let (next, skipped) = &mut *skipped;
-            // One by one: they may be of several chunks.
-            (*next..task).for_each(|task| skipped.run(self.inner, task..task + 1));
+            for task in *next..task {
+                let uops = skip(self.inner, task, &mut skipped.counts);
+                skipped.uops.push((task, uops));
+            }
             *next = task + 1;
         }
         self.inner.record(task, stream);
@@ -214,8 +212,15 @@ impl TaskSource for Chosen<'_> {
 
     fn skip(&self, tasks: Range<u32>, counts: &mut OpCounts) {
         tasks.for_each(|position| {
-            let task = self.tasks[position as usize];
-            self.inner.skip(task..task + 1, counts);
+            let uops = skip(self.inner, self.tasks[position as usize], counts);
+            self.uops[position as usize].store(uops, Relaxed);
         });
     }
+}
+
+/// Runs a task, adds its operations to `counts`, and tells how many they are.
+fn skip(tasks: &dyn TaskSource, task: u32, counts: &mut OpCounts) -> u64 {
+    let before = counts.total();
+    tasks.skip(task..task + 1, counts);
+    counts.total() - before
 }

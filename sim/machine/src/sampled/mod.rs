@@ -20,17 +20,16 @@ mod tests;
 use crate::Cycle;
 use crate::chip::{Chip, CoreActivity, Stuck};
 use crate::config::MachineSpec;
-use crate::counters::{CacheCounters, Cause, CycleStack, StepReport};
+use crate::counters::{CacheCounters, Cause, CycleStack, NORMAL_95, StepReport};
 use crate::fidelity::Fidelity;
 use crate::scheduler::chunk_lengths;
 use crate::timing::Timing;
 use choose::{Chosen, Chunks, Part};
 use durations::Durations;
 use lrbsim_isa::program::TaskSource;
-use lrbsim_isa::{Class, OpCounts};
+use lrbsim_isa::{Class, OpCounts, skip_all};
 use rate::{Rate, Told};
 use std::ops::Range;
-use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
 /// How much of each step is timed, and which part of it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -46,9 +45,6 @@ impl Sampling {
     /// What users get who ask for nothing else.
     pub const DEFAULT: Sampling = Sampling { error_percent: 5, seed: 0 };
 }
-
-/// Standard deviations on either side of a mean that hold 95 % of a normal distribution.
-const NORMAL_95: f64 = 1.96;
 
 /// Rounds of timing at most: each after the first doubles what is timed.
 const ROUNDS_MAX: u32 = 5;
@@ -84,7 +80,7 @@ struct Sample {
 /// What tasks did that were run and not timed.
 #[derive(Debug, Default)]
 struct Skipped {
-    /// For each run of neighbors its first task and its uops.
+    /// Each task, or the first of neighbors of one chunk, with its uops.
     uops: Vec<(u32, u64)>,
     counts: OpCounts,
 }
@@ -131,36 +127,15 @@ impl Sampled {
         }
         Ok(())
     }
-
-    /// Runs and counts `parts`, each of neighbors; on several host threads, unless tasks are ordered.
-    fn skip(&self, tasks: &dyn TaskSource, parts: &[Part]) -> Skipped {
-        let next = AtomicUsize::new(0);
-        let work = || {
-            let mut skipped = Skipped::default();
-            while let Some(part) = parts.get(next.fetch_add(1, Relaxed)) {
-                skipped.run(tasks, part.tasks.clone());
-            }
-            skipped
-        };
-        if tasks.is_ordered() || self.host_threads <= 1 {
-            return work();
-        }
-        let mut all = Skipped::default();
-        std::thread::scope(|scope| {
-            let workers: Vec<_> = (0..self.host_threads).map(|_| scope.spawn(work)).collect();
-            for worker in workers {
-                all.add(worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
-            }
-        });
-        all
-    }
 }
 
 impl Skipped {
-    fn run(&mut self, tasks: &dyn TaskSource, range: Range<u32>) {
-        let before = self.counts.total();
-        tasks.skip(range.clone(), &mut self.counts);
-        self.uops.push((range.start, self.counts.total() - before));
+    /// Runs and counts the tasks of `parts`, on several host threads unless they are ordered.
+    fn run_all(&mut self, tasks: &dyn TaskSource, parts: &[Part], host_threads: usize) {
+        let chosen = Chosen::new(tasks, parts);
+        self.counts.add(&skip_all(&chosen, host_threads));
+        let (uops, _) = chosen.into_counts(parts);
+        self.uops.extend(parts.iter().zip(uops).map(|(part, uops)| (part.tasks.start, uops)));
     }
 
     fn add(&mut self, mut other: Skipped) {
@@ -203,9 +178,9 @@ impl Timing for Sampled {
         let mut rate = Rate::of(&sample.told, &sample.timed.cycle_stack);
         for _ in 1..ROUNDS_MAX {
             // As if the tasks that are left were as long as those that were timed.
-            let left =
-                (1.0 / chunks.timed_share() - 1.0) * sample.uops as f64 * rate.cycles / f64::from(threads);
-            let end = self.now as f64 + sample.uops as f64 * rate.cycles / f64::from(threads) + left;
+            let timed = sample.uops as f64 * rate.cycles / f64::from(threads);
+            let left = (1.0 / chunks.timed_share() - 1.0) * timed;
+            let end = self.now as f64 + timed + left;
             let is_narrow = NORMAL_95 * rate.choice_deviation() * left <= asked * end;
             if is_narrow || tasks.is_ordered() {
                 break;
@@ -218,10 +193,11 @@ impl Timing for Sampled {
             rate = Rate::of(&sample.told, &sample.timed.cycle_stack);
         }
 
-        // The others are run and counted.
+        // The others are run and counted; those of ordered steps were on the way to the last chunk, which is timed.
         self.has_skipped = true;
-        let untimed = self.skip(tasks, &chunks.untimed(tasks.is_ordered(), &sample.skipped));
-        sample.skipped.add(untimed);
+        if !tasks.is_ordered() {
+            sample.skipped.run_all(tasks, &chunks.untimed(), self.host_threads);
+        }
         let Sample { timed, uops, cycles, skipped, .. } = sample;
         let mut left = vec![0_u64; cycles.len()];
         for (task, uops) in &skipped.uops {

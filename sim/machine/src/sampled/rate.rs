@@ -8,11 +8,11 @@ use std::ops::Range;
 /// Relative standard deviation of a rate whatever is measured: what is not timed leaves caches cold, and threads end at other times.
 pub(super) const MODEL: f64 = 0.025;
 
+/// What is added to [`MODEL`] where cores do nothing but wait for data from outside of their caches.
+pub(super) const MODEL_OUTSIDE: f64 = 0.08;
+
 /// How near threads come to knowing of no other, from not at all to wholly: as found on `saloon`, `street` and `fern` (`benches/sampled.rs`).
 const INDEPENDENT: f64 = 0.75;
-
-/// How much more of it there is where cores do nothing but wait for data from outside of their caches.
-pub(super) const MODEL_OUTSIDE: f64 = 0.08;
 
 /// A chunk that tells a rate.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

@@ -147,7 +147,7 @@ fn chunks_that_are_timed_and_those_that_are_not_are_all_tasks() {
         }
         let timed: u32 = parts.iter().map(|part| part.tasks.len() as u32).sum();
         assert!((chunks.timed_share() - f64::from(timed) / f64::from(tasks)).abs() < 1e-12);
-        parts.extend(chunks.untimed(false, &Skipped::default()));
+        parts.extend(chunks.untimed());
         for part in &parts {
             assert!(part.tasks.clone().all(|task| chunks.chunk_of(task) == part.chunk));
         }
