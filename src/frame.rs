@@ -10,7 +10,9 @@ use lrbsim_reports::run::{
     ImageSummary, Provenance, RunReport, SCHEMA_VERSION, SceneSummary, Total, Warning, WarningKind,
 };
 use lrbsim_reports::{HostReport, picture::NOTHING_HIT};
-use lrbsim_workloads::{Adjacency, EyeView, Scene, SceneWarning, ShadowInput, silhouette_edges};
+use lrbsim_workloads::glam::{DVec3, Vec3};
+use lrbsim_workloads::{Adjacency, EyeView, ImageSize, Scene, SceneWarning, ShadowInput, silhouette_edges};
+use rayon::prelude::*;
 
 use crate::algorithm::Algorithm;
 use crate::engine::Engine;
@@ -84,10 +86,6 @@ pub struct Frame {
     pub visibility: Vec<f32>,
     /// Part of the light that is seen by the reference, where one was asked for.
     pub reference: Option<Vec<f32>>,
-    /// Points that the eye sees, world space: x, y, z a pixel.
-    pub points: Vec<f32>,
-    /// Unit normals of the surface there, turned to the eye: x, y, z a pixel.
-    pub normals: Vec<f32>,
     /// Cosine between the normal and the direction to the light's center.
     pub cosine: Vec<f32>,
 }
@@ -102,12 +100,13 @@ pub fn run_frame(request: &RunRequest, progress: &dyn Progress) -> Result<RunOut
 
     // What the eye sees: on the host, untimed, as in the paper.
     progress.part("eye view");
-    let (eye, input, mut warnings) = on_host_threads(host.threads, || {
-        let eye = EyeView::render(&scene.mesh, &scene.camera, scene.image.width, scene.image.height);
-        let adjacency = Adjacency::new(&scene.mesh);
+    let (input, cosine, mut warnings) = on_host_threads(host.threads, || {
+        let see = || EyeView::render(&scene.mesh, &scene.camera, scene.image.width, scene.image.height);
+        let (eye, adjacency) = rayon::join(see, || Adjacency::new(&scene.mesh));
         let input = ShadowInput::of_lights(scene, request.algorithm.lights(), &adjacency, &eye);
         let warnings = warnings(scene, &adjacency, &eye);
-        (eye, input, warnings)
+        // Of the view, which takes more memory than anything else on the host, no more is kept: it is soon had again.
+        (input, cosines(scene, &eye), warnings)
     })?;
 
     // The kernels, on the machine.
@@ -126,17 +125,18 @@ pub fn run_frame(request: &RunRequest, progress: &dyn Progress) -> Result<RunOut
     let visibility = &simulated.shadows.visibility;
     let wrong = visibility.iter().find(|visible| !(0.0..=1.0).contains(*visible));
     assert!(wrong.is_none(), "`{}` leaves a visibility of {wrong:?}", request.algorithm);
-    let mut frame = Frame::new(scene, &eye, visibility);
-    let mut report = report(request, &eye, &simulated, &frame, warnings);
+    let mut frame = Frame::new(scene.image, &input.receiver_pixel, &cosine, visibility);
+    let mut report = report(request, input.receivers.len(), &simulated, &frame, warnings);
     let seconds = watch.elapsed().as_secs_f64();
 
     // How right it is: by the host, untimed.
     let mut reference_cost = None;
     if let Some(asked) = &request.reference {
-        let reference = on_host_threads(host.threads, || asked.run(scene, &eye, progress))??;
+        let receivers = input.receivers.len();
+        let reference = on_host_threads(host.threads, || asked.run(scene, receivers, progress))??;
         report.image.error = Some(reference.judge(asked.samples, visibility));
         let truth: Vec<f32> = reference.truth.visibility().iter().map(|visible| *visible as f32).collect();
-        frame.reference = Some(frame.spread(&eye, &truth));
+        frame.reference = Some(frame.spread(&input.receiver_pixel, &truth));
         reference_cost = Some((reference.seconds, reference.found));
     }
     let instructions: u64 = report.phases.iter().map(|phase| phase.instructions.total).sum();
@@ -235,7 +235,7 @@ pub(crate) fn no_memory(error: ArenaError) -> BadInput {
 
 fn report(
     request: &RunRequest,
-    eye: &EyeView,
+    receivers: usize,
     simulated: &Simulated,
     frame: &Frame,
     warnings: Vec<Warning>,
@@ -264,7 +264,7 @@ fn report(
             name: scene.name.clone(),
             triangles: scene.mesh.triangles.len() as u64,
             silhouette_edges,
-            receivers: eye.points.len() as u64,
+            receivers: receivers as u64,
             width: frame.width,
             height: frame.height,
             light: serde_json::to_value(scene.light).expect("a light has string keys"),
@@ -319,36 +319,27 @@ pub(crate) fn scene_hash(scene: &Scene) -> String {
 }
 
 impl Frame {
-    /// Spreads values of receivers over the pixels.
-    pub(crate) fn new(scene: &Scene, eye: &EyeView, receiver_visibility: &[f32]) -> Frame {
-        assert_eq!(receiver_visibility.len(), eye.pixels.len(), "one visibility a receiver");
-        let pixels = eye.width as usize * eye.height as usize;
-        let mut frame = Frame {
-            width: eye.width,
-            height: eye.height,
-            visibility: Vec::new(),
-            reference: None,
-            points: vec![NOTHING_HIT; 3 * pixels],
-            normals: vec![NOTHING_HIT; 3 * pixels],
-            cosine: vec![NOTHING_HIT; pixels],
-        };
-        frame.visibility = frame.spread(eye, receiver_visibility);
-        let light = scene.light.center();
-        for (index, pixel) in eye.pixels.iter().enumerate() {
-            let (pixel, point, normal) = (*pixel as usize, eye.points[index], eye.normals[index]);
-            frame.points[3 * pixel..3 * pixel + 3].copy_from_slice(&point.as_vec3().to_array());
-            frame.normals[3 * pixel..3 * pixel + 3].copy_from_slice(&normal.to_array());
-            frame.cosine[pixel] = normal.dot((light - point).normalize_or_zero().as_vec3());
-        }
-        frame
+    /// Spreads the values of the receivers at `pixels` over a picture of this size.
+    pub(crate) fn new(size: ImageSize, pixels: &[u32], cosine: &[f32], visibility: &[f32]) -> Frame {
+        assert_eq!(visibility.len(), pixels.len(), "one visibility a receiver");
+        let ImageSize { width, height } = size;
+        let frame = Frame { width, height, visibility: Vec::new(), reference: None, cosine: Vec::new() };
+        Frame { visibility: frame.spread(pixels, visibility), cosine: frame.spread(pixels, cosine), ..frame }
     }
 
     /// A value for each pixel from one for each receiver.
-    fn spread(&self, eye: &EyeView, of_receivers: &[f32]) -> Vec<f32> {
+    fn spread(&self, pixels: &[u32], of_receivers: &[f32]) -> Vec<f32> {
         let mut of_pixels = vec![NOTHING_HIT; self.width as usize * self.height as usize];
-        for (pixel, value) in eye.pixels.iter().zip(of_receivers) {
+        for (pixel, value) in pixels.iter().zip(of_receivers) {
             of_pixels[*pixel as usize] = *value;
         }
         of_pixels
     }
+}
+
+/// Cosine between the normal and the direction to the light's center at each receiver.
+pub(crate) fn cosines(scene: &Scene, eye: &EyeView) -> Vec<f32> {
+    let light = scene.light.center();
+    let cosine = |(normal, point): (&Vec3, &DVec3)| normal.dot((light - point).normalize_or_zero().as_vec3());
+    eye.normals.par_iter().zip(&eye.points).map(cosine).collect()
 }

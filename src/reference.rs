@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use lrbsim_reports::files::write_with_temporary;
 use lrbsim_reports::lock::Lock;
 use lrbsim_reports::picture::sha256;
-use lrbsim_reports::run::ImageError;
+use lrbsim_reports::run::{ErrorPlaces, ImageError};
 use lrbsim_workloads::reference::{ErrorMetrics, Truth};
 use lrbsim_workloads::{EyeView, Scene};
 use serde::{Deserialize, Serialize};
@@ -115,19 +115,19 @@ impl ReferenceRequest {
         sha256(inputs.to_string().as_bytes())
     }
 
-    /// The reference of `scene`, whose view is `eye`: from the cache, or cast by all threads of the pool.
+    /// The reference of `scene`, whose view has so many `receivers`: from the cache, or cast by all threads of the pool.
     pub(crate) fn run(
         &self,
         scene: &Scene,
-        eye: &EyeView,
+        receivers: usize,
         progress: &dyn Progress,
     ) -> Result<Reference, BadInput> {
         progress.part("reference");
-        let Some(folder) = &self.cache else { return Ok(self.cast(scene, eye, progress)) };
+        let Some(folder) = &self.cache else { return Ok(self.cast(scene, progress)) };
         let key = self.key(scene);
         let file = folder.join(&key[..2]).join(format!("{key}.rays"));
         let find = || {
-            let (hidden, seconds) = read(&file, &key, eye.points.len())?;
+            let (hidden, seconds) = read(&file, &key, receivers)?;
             let truth = Truth::from_hidden(&scene.light, self.samples, hidden)?;
             Some(Reference { truth, seconds, found: true })
         };
@@ -145,7 +145,7 @@ impl ReferenceRequest {
         if let Some(found) = find() {
             return Ok(found);
         }
-        let made = self.cast(scene, eye, progress);
+        let made = self.cast(scene, progress);
         let bytes = written(&key, made.truth.hidden(), made.seconds);
         // Who holds the lock is alone with the usual name; what a killed one left there is written over.
         let temporary = lock.as_ref().map_or_else(|| partial(&file), |_| file.with_extension("partial"));
@@ -153,10 +153,11 @@ impl ReferenceRequest {
         Ok(made)
     }
 
-    fn cast(&self, scene: &Scene, eye: &EyeView, progress: &dyn Progress) -> Reference {
+    fn cast(&self, scene: &Scene, progress: &dyn Progress) -> Reference {
         let watch = Stopwatch::start();
+        let eye = EyeView::render(&scene.mesh, &scene.camera, scene.image.width, scene.image.height);
         progress.counted("reference", u32::try_from(Truth::parts(eye.points.len())).unwrap_or(u32::MAX));
-        let truth = Truth::new(&scene.mesh, &scene.light, eye, self.samples, &|| progress.one_done());
+        let truth = Truth::new(&scene.mesh, &scene.light, &eye, self.samples, &|| progress.one_done());
         Reference { truth, seconds: watch.elapsed().as_secs_f64(), found: false }
     }
 }
@@ -171,6 +172,7 @@ impl Reference {
         let sum: f64 = doubt.iter().sum();
         let squares: f64 = doubt.iter().map(|x| x * x).sum();
         let part = |sum: f64, count: usize| if count == 0 { 0.0 } else { sum / count as f64 };
+        let [umbra, penumbra, light] = metrics.places;
         let error = ImageError {
             samples,
             shadowed_receivers: metrics.shadowed as u64,
@@ -181,6 +183,7 @@ impl Reference {
             p99: metrics.p99,
             off_by_quarter: part(metrics.off_by_quarter as f64, metrics.in_question),
             bias: metrics.bias,
+            places: Some(ErrorPlaces { umbra, penumbra, light }),
             reference_mean: part(sum, metrics.shadowed),
             reference_rmse: part(squares, metrics.in_question).sqrt(),
         };
@@ -237,7 +240,7 @@ mod tests {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let ask = |scene: &Scene, samples| {
             let request = ReferenceRequest { samples, cache: Some(folder.path().to_owned()) };
-            request.run(scene, &view(scene), &Quiet).expect("writable")
+            request.run(scene, view(scene).points.len(), &Quiet).expect("writable")
         };
         let scene = scene();
         let first = ask(&scene, 16);
@@ -256,7 +259,7 @@ mod tests {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let scene = scene();
         let request = ReferenceRequest { samples: 8, cache: Some(folder.path().to_owned()) };
-        let ask = || request.run(&scene, &view(&scene), &Quiet).expect("writable");
+        let ask = || request.run(&scene, view(&scene).points.len(), &Quiet).expect("writable");
         let first = ask();
         let key = request.key(&scene);
         let file = folder.path().join(&key[..2]).join(format!("{key}.rays"));

@@ -3,8 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use lrbsim_reports::files::{ResultDir, listed};
+use lrbsim_reports::picture::NOTHING_HIT;
 use lrbsim_reports::{npy, picture};
-use lrbsim_workloads::{Scene, light_json, mesh_obj};
+use lrbsim_workloads::glam::Vec3;
+use lrbsim_workloads::{EyeView, Scene, light_json, mesh_obj};
 
 use crate::algorithm::Algorithm;
 use crate::error::BadInput;
@@ -86,8 +88,10 @@ pub fn stage(dir: &mut ResultDir, output: &RunOutput, scene: &Scene, dump: bool)
     if dump {
         let shape = [height as usize, width as usize];
         let vectors = [shape[0], shape[1], 3];
-        dir.stage("receivers.npy", &npy::f32_array(&vectors, &frame.points))?;
-        dir.stage("normals.npy", &npy::f32_array(&vectors, &frame.normals))?;
+        let eye = EyeView::render(&scene.mesh, &scene.camera, width, height);
+        let points = eye.points.iter().map(|point| point.as_vec3());
+        dir.stage("receivers.npy", &npy::f32_array(&vectors, &spread(&eye, points)))?;
+        dir.stage("normals.npy", &npy::f32_array(&vectors, &spread(&eye, eye.normals.iter().copied())))?;
         dir.stage("visibility.npy", &npy::f32_array(&shape, &frame.visibility))?;
         dir.stage("light.json", light_json(&scene.light).as_bytes())?;
         dir.stage("mesh.obj", mesh_obj(&scene.mesh).as_bytes())?;
@@ -95,6 +99,15 @@ pub fn stage(dir: &mut ResultDir, output: &RunOutput, scene: &Scene, dump: bool)
     dir.stage("host.json", output.host.to_json().as_bytes())?;
     dir.stage("report.json", output.report.to_json().as_bytes())?;
     Ok(())
+}
+
+/// A vector for each pixel, x, y, z, from one for each receiver.
+fn spread(eye: &EyeView, of_receivers: impl Iterator<Item = Vec3>) -> Vec<f32> {
+    let mut of_pixels = vec![NOTHING_HIT; 3 * eye.width as usize * eye.height as usize];
+    for (pixel, vector) in eye.pixels.iter().zip(of_receivers) {
+        of_pixels[3 * *pixel as usize..][..3].copy_from_slice(&vector.to_array());
+    }
+    of_pixels
 }
 
 #[cfg(test)]

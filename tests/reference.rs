@@ -71,6 +71,8 @@ fn on_one_straight_edge_the_picture_is_as_right_as_the_reference_can_tell() {
         assert!(own > 0.0 && number(&error, "rmse") < 1.5 * own, "{light}: {error}");
         assert!(number(&error, "bias").abs() < own, "{light}: {error}");
         assert_eq!(number(&error, "off_by_quarter"), 0.0);
+        let places: f64 = ["umbra", "penumbra", "light"].iter().map(|at| number(&error["places"], at)).sum();
+        assert!((places - number(&error, "mean")).abs() < 1e-12, "{light}: {error}");
     }
     let folder = Folder::new();
     scene(&folder, r#"{"kind": "point", "center": [0, 4, 0]}"#, &roof(0.1));

@@ -70,17 +70,15 @@ impl<V: Vpu> View<V> {
                 let foot = Some([v.vmul(along_s, per_radius), v.vmul(along_t, per_radius)]);
                 View { receiver, axis, s, t, units: None, height, per_radius, scale, foot, outline }
             }
-            LightShape::Rect { halves: [a, b] } => {
+            LightShape::Rect { halves: [a, b] } | LightShape::Triangle { halves: [a, b] } => {
                 let across = a.cross(*b);
                 let normal = constant(v, across.normalize());
                 let (above, axis, height) = View::away(v, receiver, normal);
                 let per_square = across.length_squared().recip();
-                let s = constant(v, b.cross(across) * per_square);
+                let [s, t] = [b.cross(across) * per_square, across.cross(*a) * per_square];
                 // Turned around with the axis: from either side, left of an edge is left of it.
-                let t = constant(v, across.cross(*a) * per_square);
-                let t = turned(v, above, t);
-                let unit_t = constant(v, *b);
-                let units = Some([constant(v, *a), turned(v, above, unit_t)]);
+                let [s, t] = around(v, shape, above, [s, t]);
+                let units = Some(around(v, shape, above, [*a, *b]));
                 let foot = Some([dot(v, receiver, s), dot(v, receiver, t)]);
                 let per_radius = v.vset_f32(1.0);
                 View { receiver, axis, s, t, units, height, per_radius, scale: height, foot, outline }
@@ -132,6 +130,7 @@ impl<V: Vpu> View<V> {
             Outline::Disc => segment_by(v, live, u0, u1, angle),
             Outline::Square => square(v, live, u0, u1),
             Outline::Line => line(v, live, u0, u1),
+            Outline::Triangle => panic!("no method sums parts of a triangle: those that do refuse it"),
         }
     }
 
@@ -277,8 +276,8 @@ impl<V: Vpu> View<V> {
         let slope2 = v.vmul(slope[1], slope[1]);
         let slope2 = v.vmadd(slope[0], slope[0], slope2);
         let mut offset2 = v.vmul(offset, offset);
-        if self.outline == Outline::Square {
-            let less = v.vset_f32(1.0 / Outline::Square.reach2());
+        if matches!(self.outline, Outline::Square | Outline::Triangle) {
+            let less = v.vset_f32(1.0 / self.outline.reach2());
             offset2 = v.vmul(offset2, less);
         }
         let cuts = v.vcmp_lt_masked(live, offset2, slope2);
@@ -322,6 +321,20 @@ pub struct Horizon<V: Vpu> {
 fn turned<V: Vpu>(v: &mut V, around: V::Mask, x: Vec3<V>) -> Vec3<V> {
     let zero = v.vset_f32(0.0);
     each!(axis in [0, 1, 2] => v.vsub_or(x[axis], around, zero, x[axis]))
+}
+
+/// Two vectors along the sides of a rectangle or a triangle, in an order that goes the other way around in the lanes `above`: one
+/// side of a rectangle is its opposite there, and those of a triangle are exchanged, either of which leaves the shape what it is.
+#[inline(always)]
+fn around<V: Vpu>(v: &mut V, shape: &LightShape, above: V::Mask, sides: [DVec3; 2]) -> [Vec3<V>; 2] {
+    let [a, b] = sides;
+    let (a, b) = (constant(v, a), constant(v, b));
+    if matches!(shape, LightShape::Triangle { .. }) {
+        let first = each!(axis in [0, 1, 2] => v.vblend_f32(above, b[axis], a[axis]));
+        let second = each!(axis in [0, 1, 2] => v.vblend_f32(above, a[axis], b[axis]));
+        return [first, second];
+    }
+    [a, turned(v, above, b)]
 }
 
 /// A vector that all lanes have.

@@ -20,6 +20,9 @@ const TURNS: u32 = 16;
 /// Receivers of a task that resolves.
 const TASK: u32 = 256;
 
+/// Where the middle of the square that a triangle is half of lies, along either side of the triangle, in half sides from its middle.
+pub const TRIANGLE_OFFSET: f64 = 1.0 / 3.0;
+
 /// A sample of the light, in radii.
 #[repr(C)]
 struct LightSample {
@@ -167,8 +170,16 @@ pub fn places(outline: Outline, count: u32) -> Vec<DVec2> {
         Outline::Square => (0..count)
             .map(|i| DVec2::new(even(i), even(i.reverse_bits() >> (32 - count.trailing_zeros()))))
             .collect(),
+        // Half of a square: what is in its other half folded over.
+        Outline::Triangle => places(Outline::Square, count).into_iter().map(folded).collect(),
         Outline::Line => (0..count).map(|i| DVec2::new(even(i), 0.0)).collect(),
     }
+}
+
+/// The place on a triangle of one on a square, about whose middle the half that does not belong to the triangle is folded over.
+fn folded(place: DVec2) -> DVec2 {
+    let place = if place.x + place.y > 0.0 { -place } else { place };
+    place + DVec2::splat(TRIANGLE_OFFSET)
 }
 
 /// Directions that the samples of a light are turned to, from pixel to pixel.
@@ -177,6 +188,7 @@ pub fn turns(outline: Outline) -> Vec<DVec2> {
         // Those of the spiral's own samples: no two alike, and evenly around.
         Outline::Disc => spiral(TURNS).into_iter().map(|place| place.normalize()).collect(),
         Outline::Square => [DVec2::X, DVec2::Y, DVec2::NEG_X, DVec2::NEG_Y].repeat(TURNS as usize / 4),
-        Outline::Line => vec![DVec2::X; TURNS as usize],
+        // A triangle turns into itself by no turn, and a line by that of its ends, which changes nothing.
+        Outline::Triangle | Outline::Line => vec![DVec2::X; TURNS as usize],
     }
 }

@@ -187,6 +187,39 @@ fn a_straight_edge_has_a_linear_penumbra_where_light_and_floor_are_parallel() {
     }
 }
 
+/// Figure 8 of the paper, on the right: a triangle by its sides. Behind an edge parallel to one of them, of which nothing or all is
+/// seen, what is drawn grows linearly, and what is seen of the triangle with the square.
+#[test]
+fn a_triangle_is_drawn_as_its_three_sides() {
+    let half = 0.2;
+    let corner = |x: f64, y: f64| DVec3::new(x * half, y * half, 0.0);
+    let light = Light::Triangle { p0: corner(-1.0, -1.0), p1: corner(-1.0, 1.0), p2: corner(1.0, 0.3) };
+    // Not 0.5, where the edge goes through samples between corners.
+    let parts = [0.05, 0.25, 0.45, 0.75, 0.95];
+    // The place in the penumbra of a depth below the edge as large as the light's above it.
+    let mut across = parts.map(|g| half * (2.0 * g - 1.0)).to_vec();
+    across.extend([-0.3, 0.3]);
+    let mut receivers = rows(|_| 2.0, &across);
+    // Sides lead along the edge too, and with them its skins: the map must be longer than the rows.
+    receivers.extend([-1.5, 1.5].map(|y| (DVec3::new(0.3, y, -2.0), u32::from(y > 0.3))));
+    let mesh = over(floor(|_| 2.0), &[strip(1.0, -20.0, 0.0)]);
+    let truth = means(&by_rays(&mesh, &light, &receivers, 4096));
+    let input = input(mesh, light, &receivers);
+    let mut crude = 0.0_f64;
+    for samples in [2, 3] {
+        let drawn = means(&draw(&Heidrich, &format!("samples={samples}"), &input, on()).visibility);
+        for (i, g) in parts.into_iter().enumerate() {
+            println!("{samples} samples a side, {g}: {:.4}, by rays {:.4}", drawn[i], truth[i]);
+            assert!((truth[i] - g * g).abs() < 0.005, "{g}: {} of the triangle", truth[i]);
+            assert!((drawn[i] - g * 2.0 / 3.0).abs() < 0.01, "{samples} samples, {g}: {}", drawn[i]);
+            crude = crude.max((drawn[i] - truth[i]).abs());
+        }
+        assert_eq!(drawn[parts.len()..], [0.0, 1.0, 1.0], "{samples} samples");
+    }
+    // A third is nearly the whole of the side that is missed just before it is seen.
+    assert!((0.25..0.34).contains(&crude), "{crude}");
+}
+
 /// A straight edge parallel to light and floor, with all axes in other places: light, floor and edge on each face of the map.
 #[test]
 fn a_straight_edge_has_the_same_penumbra_on_every_face() {
@@ -345,13 +378,13 @@ fn samples_weigh_what_the_oracles_say_and_without_skins_give_one_level_more_than
 }
 
 #[test]
-fn lights_that_are_no_lines_are_refused_in_words() {
+fn lights_that_are_neither_lines_nor_triangles_are_refused_in_words() {
     let options = Heidrich.entry().options("").expect("the method takes these");
     for light in one_of_each_kind(sphere(0.5)) {
         let objection = Heidrich.objection_to_light(&options, &light);
-        let takes = matches!(light, Light::Linear { .. });
+        let takes = matches!(light, Light::Linear { .. } | Light::Triangle { .. });
         assert_eq!(objection.is_none(), takes, "{objection:?}");
-        assert!(objection.is_none_or(|words| words.contains("must be linear")));
+        assert!(objection.is_none_or(|words| words.contains("must be linear or a triangle")));
     }
 }
 
@@ -464,6 +497,20 @@ fn soft_shadow_maps_are_the_same_on_all_back_ends_and_their_tasks_are_short() {
         "size=128,samples=4,skin=printed,interpolation=perspective,bias=constant",
         &input,
     );
+}
+
+#[test]
+fn a_triangle_is_drawn_the_same_on_all_back_ends_and_nearer_to_the_truth_than_without_skins() {
+    let (scene, eye, _) = shipped("table", Some((160, 120)));
+    let at = |x: f64, z: f64| scene.light.center() + DVec3::new(x, 0.0, z);
+    let scene =
+        Scene { light: Light::Triangle { p0: at(-0.4, -0.2), p1: at(0.4, -0.2), p2: at(0.0, 0.4) }, ..scene };
+    let truth = Truth::new(&scene.mesh, &scene.light, &eye, 1024, &|| ()).visibility();
+    let input = ShadowInput::new(&scene, &Adjacency::new(&scene.mesh), &eye);
+    same_on_all_back_ends(&Heidrich, "size=128,samples=3", &input);
+    let [with, without] = ["", "threshold=1"].map(|options| error(&truth, options, &input).atty_mae);
+    println!("table under a triangle: mean {with:.4} of the shadowed, without skins {without:.4}");
+    assert!(with < 0.8 * without, "{with} with, {without} without");
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! What tables, plots and pages of a study are drawn from: far less than its reports, which may be more than fit in memory.
 
-use crate::metric::Numbers;
+use crate::metric::{BIAS, ERROR_PLACES, MEAN_ERROR, Numbers};
 use crate::run::Warning;
 use crate::study::{StudyPoint, StudyReport};
 use crate::table::counted;
@@ -41,6 +41,11 @@ impl Digest {
         paths.extend(file.columns.iter().cloned());
         for analysis in file.analysis.iter().map(|entry| entry.options()) {
             paths.extend([analysis.x, analysis.y].into_iter().flatten());
+        }
+        if paths.iter().any(|path| path == MEAN_ERROR) {
+            paths.extend(
+                ERROR_PLACES.iter().map(|(path, _)| path).chain([&BIAS]).map(|path| (*path).to_owned()),
+            );
         }
         let of_phases = |field: &&str| paths.iter().any(|path| path.strip_prefix("total.") == Some(*field));
         let fields = PHASE_FIELDS.into_iter().filter(of_phases).collect();

@@ -36,6 +36,19 @@ fn number(tree: &Value, path: &str) -> Option<f64> {
     place.as_f64()
 }
 
+/// The measure of a picture's error that tells where the error lies.
+pub const MEAN_ERROR: &str = "image.error.mean";
+
+/// The measure of whether a picture is too light or too dark.
+pub const BIAS: &str = "image.error.bias";
+
+/// Parts of [`MEAN_ERROR`], with where each lies.
+pub const ERROR_PLACES: [(&str, &str); 3] = [
+    ("image.error.places.umbra", "umbras"),
+    ("image.error.places.penumbra", "penumbras"),
+    ("image.error.places.light", "what is lit by all of the light"),
+];
+
 /// The title of a path for people, with its unit.
 pub fn title(path: &str) -> String {
     let last = path.rsplit('.').next().unwrap_or(path);

@@ -282,11 +282,26 @@ pub struct ImageError {
     /// Sum of picture - reference over all receivers, divided by the number of shadowed ones: above 0, the picture is too
     /// light. Its size is that of `mean` where all errors have one sign.
     pub bias: f64,
+    /// Where what is off lies; `None` in results of builds that did not tell.
+    #[serde(default)]
+    pub places: Option<ErrorPlaces>,
     /// The reference's own error in the measure of `mean`, estimated: half of what two halves of its rays, which do not
     /// depend on one another, differ by.
     pub reference_mean: f64,
     /// The reference's own error in the measure of `rmse`, estimated from the same two halves.
     pub reference_rmse: f64,
+}
+
+/// Where the error of a picture lies: parts of `image.error.mean`, which they add up to.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ErrorPlaces {
+    /// Part of `image.error.mean` that is of receivers which see nothing of the light by the reference: the picture lets light in.
+    pub umbra: f64,
+    /// Part of `image.error.mean` that is of receivers which see some of the light by the reference.
+    pub penumbra: f64,
+    /// Part of `image.error.mean` that is of receivers which see all of the light by the reference: the picture darkens them.
+    pub light: f64,
 }
 
 impl RunReport {

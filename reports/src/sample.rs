@@ -6,8 +6,8 @@ use lrbsim_machine::counters::{CacheCounters, CycleStack};
 use lrbsim_machine::{MachineConfig, builtin_machine};
 
 use crate::run::{
-    ImageError, ImageSummary, Instructions, Lanes, PhaseReport, Provenance, RunReport, SCHEMA_VERSION,
-    SceneSummary, StepRow, Total, milliseconds,
+    ErrorPlaces, ImageError, ImageSummary, Instructions, Lanes, PhaseReport, Provenance, RunReport,
+    SCHEMA_VERSION, SceneSummary, StepRow, Total, milliseconds,
 };
 use crate::validation::ModelError;
 
@@ -132,6 +132,7 @@ pub(crate) fn judged() -> RunReport {
         p99: 0.21,
         off_by_quarter: 0.0012,
         bias: -0.0034,
+        places: Some(ErrorPlaces { umbra: 0.0013, penumbra: 0.01, light: 0.001 }),
         reference_mean: 0.0032,
         reference_rmse: 0.005,
     });

@@ -165,6 +165,7 @@ fn light_text(light: &Light) -> String {
             format!("rectangle at {center}, half sides {half_u} and {half_v}")
         }
         Light::Linear { p0, p1 } => format!("line from {p0} to {p1}"),
+        Light::Triangle { p0, p1, p2 } => format!("triangle between {p0}, {p1} and {p2}"),
         Light::Point { center } => format!("point at {center}"),
     }
 }

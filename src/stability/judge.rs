@@ -10,7 +10,7 @@ use lrbsim_workloads::{Adjacency, EyeView, Scene, ShadowInput};
 
 use crate::algorithm::Algorithm;
 use crate::error::BadInput;
-use crate::frame::{Frame, HostOptions};
+use crate::frame::{Frame, HostOptions, cosines};
 use crate::made::{draw, number};
 
 /// Shadow rays of a receiver.
@@ -90,7 +90,7 @@ pub(super) fn judge(
 fn picture(scene: &Scene, eye: &EyeView, visibility: &[f32]) -> Option<String> {
     let (width, height) = (eye.width, eye.height);
     (width.max(height) <= LOOKED_AT_MAX).then(|| {
-        let frame = Frame::new(scene, eye, visibility);
+        let frame = Frame::new(scene.image, &eye.pixels, &cosines(scene, eye), visibility);
         base64::encode(&shaded_png(width, height, &frame.visibility, &frame.cosine))
     })
 }

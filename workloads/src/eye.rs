@@ -24,15 +24,14 @@ pub struct EyeView {
     pub pixels: Vec<u32>,
 }
 
-struct Sample {
-    pixel: u32,
-    point: DVec3,
-    normal: Vec3,
-    triangle: u32,
-}
+/// Sides of the tiles of pixels whose rays are cast together.
+const TILE: u32 = 4;
+
+/// What stands for the triangle of a pixel that sees none.
+const NOTHING: u32 = u32::MAX;
 
 impl EyeView {
-    /// Casts one ray through each pixel center. Rows run on all host threads; the result does not depend on them.
+    /// Casts one ray through each pixel center. Tiles run on all host threads; the result does not depend on them.
     #[must_use]
     pub fn render(mesh: &Mesh, camera: &Camera, width: u32, height: u32) -> Self {
         Self::render_with(&Bvh::new(mesh), mesh, camera, width, height)
@@ -43,42 +42,61 @@ impl EyeView {
     pub fn render_with(bvh: &Bvh, mesh: &Mesh, camera: &Camera, width: u32, height: u32) -> Self {
         let size = ImageSize { width, height };
         let axes = camera.axes(size);
-        let rows: Vec<Vec<Sample>> = (0..height)
-            .into_par_iter()
-            .map(|y| {
-                let cast = |x| {
-                    let direction = axes.direction(size, x, y);
-                    let hit = bvh.closest(camera.eye, direction, 0.0, f64::INFINITY)?;
-                    Some(sample(mesh, hit.triangle, hit.weights, direction, y * width + x))
+        let count = width as usize * height as usize;
+        let mut points = vec![DVec3::ZERO; count];
+        let mut normals = vec![Vec3::ZERO; count];
+        let mut triangles = vec![NOTHING; count];
+        let row_of_tiles = (TILE * width).max(1) as usize;
+        let rows = points
+            .par_chunks_mut(row_of_tiles)
+            .zip(normals.par_chunks_mut(row_of_tiles))
+            .zip(triangles.par_chunks_mut(row_of_tiles));
+        rows.enumerate().for_each(|(row, ((points, normals), triangles))| {
+            let top = row as u32 * TILE;
+            for left in (0..width).step_by(TILE as usize) {
+                // Beyond the picture, rays are those of its border once more.
+                let pixel = |i: usize| {
+                    let (x, y) = (left + i as u32 % TILE, top + i as u32 / TILE);
+                    (x < width && y < height).then_some((x, y))
                 };
-                (0..width).filter_map(cast).collect()
-            })
-            .collect();
+                let directions = core::array::from_fn(|i| {
+                    let (x, y) = pixel(i).unwrap_or((left, top));
+                    axes.direction(size, x, y)
+                });
+                for (i, hit) in bvh.closest_of_packet(camera.eye, &directions).into_iter().enumerate() {
+                    let (Some((x, y)), Some(hit)) = (pixel(i), hit) else { continue };
+                    let at = ((y - top) * width + x) as usize;
+                    (points[at], normals[at]) = seen(mesh, hit.triangle, hit.weights, directions[i]);
+                    triangles[at] = hit.triangle;
+                }
+            }
+        });
 
-        let covered = rows.iter().map(Vec::len).sum();
-        let mut view = Self {
-            width,
-            height,
-            points: Vec::with_capacity(covered),
-            normals: Vec::with_capacity(covered),
-            triangles: Vec::with_capacity(covered),
-            pixels: Vec::with_capacity(covered),
-        };
-        for s in rows.into_iter().flatten() {
-            view.points.push(s.point);
-            view.normals.push(s.normal);
-            view.triangles.push(s.triangle);
-            view.pixels.push(s.pixel);
+        let pixels: Vec<u32> = (0..count as u32).filter(|&at| triangles[at as usize] != NOTHING).collect();
+        if pixels.len() < count {
+            keep(&mut points, &pixels);
+            keep(&mut normals, &pixels);
+            keep(&mut triangles, &pixels);
         }
-        view
+        Self { width, height, points, normals, triangles, pixels }
     }
 }
 
-fn sample(mesh: &Mesh, triangle: u32, weights: [f64; 3], direction: DVec3, pixel: u32) -> Sample {
+/// Keeps the items of these numbers, which ascend.
+fn keep<T: Copy>(items: &mut Vec<T>, numbers: &[u32]) {
+    for (to, from) in numbers.iter().enumerate() {
+        items[to] = items[*from as usize];
+    }
+    items.truncate(numbers.len());
+    items.shrink_to_fit();
+}
+
+/// The point of a triangle that a ray of this direction meets, and the triangle's unit normal, turned to the eye.
+fn seen(mesh: &Mesh, triangle: u32, weights: [f64; 3], direction: DVec3) -> (DVec3, Vec3) {
     let [a, b, c] = mesh.corners(triangle as usize);
     // From the first corner, so that a point of a triangle far off the origin stays in its plane.
     let point = a + (b - a) * weights[1] + (c - a) * weights[2];
     let normal = normal_direction([a, b, c]).normalize_or_zero();
     let turned = if normal.dot(direction) > 0.0 { -normal } else { normal };
-    Sample { pixel, point, normal: turned.as_vec3(), triangle }
+    (point, turned.as_vec3())
 }

@@ -52,6 +52,18 @@ pub enum Light {
         #[schemars(with = "[f64; 3]")]
         p1: DVec3,
     },
+    /// The triangle between three corners; shines to both sides.
+    Triangle {
+        /// First corner.
+        #[schemars(with = "[f64; 3]")]
+        p0: DVec3,
+        /// Second corner.
+        #[schemars(with = "[f64; 3]")]
+        p1: DVec3,
+        /// Third corner.
+        #[schemars(with = "[f64; 3]")]
+        p2: DVec3,
+    },
     /// A point: hard shadows.
     Point {
         /// Place of the light.
@@ -70,6 +82,7 @@ impl Light {
             | Self::Rect { center, .. }
             | Self::Point { center } => center,
             Self::Linear { p0, p1 } => p0 * 0.5 + p1 * 0.5,
+            Self::Triangle { p0, p1, p2 } => (p0 + p1 + p2) / 3.0,
         }
     }
 
@@ -80,6 +93,9 @@ impl Light {
             Self::Sphere { radius, .. } | Self::Disc { radius, .. } => radius,
             Self::Rect { half_u, half_v, .. } => (half_u + half_v).length().max((half_u - half_v).length()),
             Self::Linear { p0, p1 } => (p1 * 0.5 - p0 * 0.5).length(),
+            Self::Triangle { p0, p1, p2 } => {
+                [p0, p1, p2].map(|corner| corner.distance(self.center())).into_iter().fold(0.0, f64::max)
+            }
             Self::Point { .. } => 0.0,
         }
     }
@@ -92,11 +108,14 @@ impl Light {
             Self::Disc { normal, .. } => LightShape::Disc { normal: normal.normalize() },
             Self::Rect { half_u, half_v, .. } => LightShape::Rect { halves: [half_u, half_v] },
             Self::Linear { p0, p1 } => LightShape::Line { half: p1 * 0.5 - p0 * 0.5 },
+            Self::Triangle { p0, p1, p2 } => {
+                LightShape::Triangle { halves: [p1, p2].map(|p| (p - p0) * 0.5) }
+            }
         }
     }
 
     /// How near a triangle comes to the middle of the light where it could cut it, world units: anywhere for a sphere,
-    /// whose disc turns, and in the plane of a disc; infinite if it does not meet that, or misses a rectangle or a line. Nearer
+    /// whose disc turns, and in the plane of a disc; infinite if it does not meet that, or misses a rectangle, a triangle or a line. Nearer
     /// than [`Light::radius`], it cuts it.
     #[must_use]
     pub fn distance_to(&self, corners: [DVec3; 3]) -> f64 {
@@ -106,11 +125,13 @@ impl Light {
         match self.shape() {
             LightShape::Facing => distance_to_triangle(center, corners),
             LightShape::Disc { normal } => in_plane(normal).map_or(f64::INFINITY, distance),
-            LightShape::Rect { halves: [u, v] } => {
+            LightShape::Rect { halves: [u, v] } | LightShape::Triangle { halves: [u, v] } => {
                 let [s, t] = dual(u, v);
                 let place = |at: DVec3| DVec2::new((at - center).dot(s), (at - center).dot(t));
+                let is_triangle = matches!(self, Self::Triangle { .. });
+                let meets = if is_triangle { meets_triangle } else { meets_square };
                 in_plane(u.cross(v))
-                    .filter(|[a, b]| meets_square(place(*a), place(*b)))
+                    .filter(|[a, b]| meets(place(*a), place(*b)))
                     .map_or(f64::INFINITY, distance)
             }
             LightShape::Line { half } => Ray::new(center - half, half * 2.0)
@@ -121,7 +142,7 @@ impl Light {
 
     /// `count` equal lights, each as bright as the `count`th part of this one, that lie over it as evenly as can be: together
     /// they are nearly the same light, and each has the silhouettes that it sees itself [johnson09, §5.1]. A light without
-    /// extent stays one.
+    /// extent stays one, and so does a triangle, which no method splits.
     ///
     /// Those of a rectangle or a line tile it. Discs cannot tile a disc: those of a disc or a sphere overlap a little, which
     /// makes the light's rim smoother, and their middles spread so far that the second moments agree.
@@ -169,7 +190,7 @@ impl Light {
             Self::Sphere { center, .. } => Some(Self::Sphere { center, radius }),
             Self::Disc { center, normal, .. } => Some(Self::Disc { center, normal, radius }),
             Self::Point { center } => Some(Self::Sphere { center, radius }),
-            Self::Rect { .. } | Self::Linear { .. } => None,
+            Self::Rect { .. } | Self::Linear { .. } | Self::Triangle { .. } => None,
         }
     }
 }
@@ -189,6 +210,11 @@ pub enum LightShape {
         /// Half of either side.
         halves: [DVec3; 2],
     },
+    /// The triangle of the points `s halves[0] + t halves[1]`, s and t at least -2/3 and together at most 2/3.
+    Triangle {
+        /// Half of either side from the corner where both are -2/3.
+        halves: [DVec3; 2],
+    },
     /// The line from `-half` to `half`.
     Line {
         /// One end of the line.
@@ -203,6 +229,8 @@ pub enum Outline {
     Disc,
     /// Those whose numbers are both in [-1, 1].
     Square,
+    /// Those whose numbers are at least -2/3 and together at most 2/3.
+    Triangle,
     /// Those whose first number is in [-1, 1] and whose second is 0.
     Line,
 }
@@ -214,6 +242,8 @@ impl Outline {
         match self {
             Self::Disc | Self::Line => 1.0,
             Self::Square => 2.0,
+            // Its corners (4/3, -2/3) and (-2/3, 4/3).
+            Self::Triangle => 20.0 / 9.0,
         }
     }
 }
@@ -226,17 +256,19 @@ impl LightShape {
             Self::Facing => "sphere",
             Self::Disc { .. } => "disc",
             Self::Rect { .. } => "rectangle",
+            Self::Triangle { .. } => "triangle",
             Self::Line { .. } => "line",
         }
     }
 
-    /// What places belong to a light of this shape: on a disc in radii, on a rectangle in its half sides, on a line in half lines
-    /// along it and aside.
+    /// What places belong to a light of this shape: on a disc in radii, on a rectangle and a triangle in half sides, on a line in half
+    /// lines along it and aside.
     #[must_use]
     pub fn outline(&self) -> Outline {
         match self {
             Self::Facing | Self::Disc { .. } => Outline::Disc,
             Self::Rect { .. } => Outline::Square,
+            Self::Triangle { .. } => Outline::Triangle,
             Self::Line { .. } => Outline::Line,
         }
     }
@@ -248,6 +280,7 @@ impl LightShape {
             Self::Facing => Self::Facing,
             Self::Disc { normal } => Self::Disc { normal: change(normal) },
             Self::Rect { halves } => Self::Rect { halves: halves.map(change) },
+            Self::Triangle { halves } => Self::Triangle { halves: halves.map(change) },
             Self::Line { half } => Self::Line { half: change(half) },
         }
     }
@@ -278,6 +311,24 @@ fn meets_square(a: DVec2, b: DVec2) -> bool {
     // Apart along an axis, or across the line.
     let apart = |low: f64, high: f64| low.min(high) > 1.0 || low.max(high) < -1.0;
     !apart(a.x, b.x) && !apart(a.y, b.y) && a.perp_dot(e).abs() <= e.x.abs() + e.y.abs()
+}
+
+/// Whether the line from `a` to `b` has a point in the triangle of [`Outline::Triangle`].
+fn meets_triangle(a: DVec2, b: DVec2) -> bool {
+    // The part of the line that is inside of each side, from one parameter to another.
+    let inside = |p: DVec2| [p.x + 2.0 / 3.0, p.y + 2.0 / 3.0, 2.0 / 3.0 - p.x - p.y];
+    let (mut from, mut to) = (0.0_f64, 1.0_f64);
+    for (at_a, at_b) in inside(a).into_iter().zip(inside(b)) {
+        if at_a < 0.0 && at_b < 0.0 {
+            return false;
+        }
+        if at_a < 0.0 {
+            from = from.max(at_a / (at_a - at_b));
+        } else if at_b < 0.0 {
+            to = to.min(at_a / (at_a - at_b));
+        }
+    }
+    from <= to
 }
 
 /// `count` places about the origin that from every side seem to lie evenly on the unit disc, with its second moments: in a
@@ -444,7 +495,10 @@ mod tests {
         assert!(!touches(lamp, 1.001) && !touches(lamp, 1.0));
         let upright = Light::Disc { center, normal: DVec3::X, radius: 0.5 };
         assert!(touches(upright, 1.4) && !touches(upright, 1.6));
-        // Rectangles and lines have corners and ends: nothing beside them touches them.
+        // Rectangles, triangles and lines have corners and ends: nothing beside them touches them.
+        let sail =
+            Light::Triangle { p0: center - DVec3::Y * 0.2, p1: center + DVec3::Z, p2: center - DVec3::Z };
+        assert!(touches(sail, 0.9) && !touches(sail, 0.7) && !touches(sail, 1.01));
         let wide = Light::Rect { center, half_u: DVec3::Z, half_v: DVec3::Y * 0.2 };
         assert!(touches(wide, 1.15) && !touches(wide, 1.3));
         let line = Light::Linear { p0: center - DVec3::Y * 0.2, p1: center + DVec3::Y * 0.2 };

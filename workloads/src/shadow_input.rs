@@ -1,6 +1,7 @@
 //! What kernels copy into simulated memory.
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use crate::adjacency::{Adjacency, Aspect, Counting, CutTriangle, Stance, is_degenerate};
 use crate::eye::EyeView;
@@ -72,10 +73,10 @@ impl ShadowInput {
         let Aspect { middle: origin, stance, counting, cut, .. } = Aspect::new(light, mesh, adjacency);
         let largest = mesh
             .positions
-            .iter()
+            .par_iter()
             .chain(&eye.points)
             .map(|&p| (p - origin).abs().max_element())
-            .fold(0.0, f64::max);
+            .reduce(|| 0.0, f64::max);
         let scale_log2 = exponent(largest);
         let scaled = |p: DVec3| scale_by_power(p - origin, -scale_log2).as_vec3().to_array();
 
@@ -100,15 +101,15 @@ impl ShadowInput {
                 shape => shape.map(|v| scale_by_power(v, -scale_log2)),
             }
             .map(|v| v.as_vec3().as_dvec3()),
-            vertices: mesh.positions.iter().map(|&p| scaled(p)).collect(),
+            vertices: mesh.positions.par_iter().map(|&p| scaled(p)).collect(),
             triangles,
             cut,
             counting,
             edges: adjacency.edges.clone(),
             edge_first: adjacency.edge_first.clone(),
             edge_faces: adjacency.edge_faces.iter().map(turn).collect(),
-            receivers: eye.points.iter().map(|&p| scaled(p)).collect(),
-            receiver_triangle: eye.triangles.iter().map(|&t| adjacency.stands_for[t as usize]).collect(),
+            receivers: eye.points.par_iter().map(|&p| scaled(p)).collect(),
+            receiver_triangle: eye.triangles.par_iter().map(|&t| adjacency.stands_for[t as usize]).collect(),
             receiver_pixel: eye.pixels.clone(),
             others: Vec::new(),
         }
@@ -122,5 +123,6 @@ fn exponent(x: f64) -> i32 {
 
 /// `p * 2^k`, exact unless it underflows.
 fn scale_by_power(p: DVec3, k: i32) -> DVec3 {
-    p.map(|x| libm::scalbn(x, k))
+    // One product with a power that is a normal number is rounded once, as the other is.
+    if (-1022..=1023).contains(&k) { p * libm::scalbn(1.0, k) } else { p.map(|x| libm::scalbn(x, k)) }
 }

@@ -13,6 +13,8 @@
 //! segment is seen. N samples are the ends of N - 1 segments of equal weight. Each has two channels, so that what is known of
 //! a segment does not mix with what is known of the next one; the paper adds both channels of a sample, which is the same sum.
 //!
+//! A triangle is taken for its three sides, each as bright as the others, so that the middle of the light stays where it is [heidrich00, §4].
+//!
 //! What both ends see is taken for lit by all of the segment, and what neither sees for umbra: occluders and gaps that are narrower than a
 //! segment are missed.
 
@@ -23,6 +25,7 @@ mod look;
 
 use lrbsim_isa::options::{Entry, OptionSpec, Options, Values, Word};
 use lrbsim_isa::{Addr, Phase, Runner, Stopped};
+use lrbsim_workloads::glam::DVec3;
 use lrbsim_workloads::{Light, LightShape, ShadowInput};
 
 use crate::irregular::receivers::Receivers;
@@ -60,7 +63,7 @@ impl Method for Heidrich {
                 SIZE,
                 OptionSpec {
                     name: "samples",
-                    about: "samples of the light, evenly from end to end, each with a map of its own",
+                    about: "samples of a line, evenly from end to end, or of each side of a triangle; each has a map of its own",
                     values: Values::Whole(2, 16),
                     default: "2",
                     tacit: false,
@@ -116,11 +119,11 @@ impl Method for Heidrich {
 
     fn objection_to_light(&self, _options: &Options, light: &Light) -> Option<String> {
         let shape = light.shape();
-        if matches!(shape, LightShape::Line { .. }) {
+        if matches!(shape, LightShape::Line { .. } | LightShape::Triangle { .. }) {
             return None;
         }
         Some(format!(
-            "`heidrich` takes samples from end to end of a line, and this light is a {}; it must be linear",
+            "`heidrich` takes samples along a line or the sides of a triangle, and this light is a {}; it must be linear or a triangle",
             shape.name()
         ))
     }
@@ -136,13 +139,17 @@ impl Method for Heidrich {
 
         runner.phase(&LOOK);
         let known = Known::new(runner.arena, input.receivers.len() as u64);
-        let segments = samples.len() as u32 - 1;
-        for (number, sample) in samples.iter().enumerate() {
+        let is_closed = is_closed(input);
+        let segments = segments(samples.len(), is_closed).count() as u32;
+        // Around a triangle the first sample is the last one too.
+        let around = samples.iter().chain(&samples[..usize::from(is_closed)]);
+        for (number, sample) in around.enumerate() {
+            let [before, after] = sample.channels;
             let look = Look {
                 map: sample.skins.map,
                 bias: bias(options),
                 skin: [Skin::Masked, Skin::Agreed, Skin::Printed][options.word("skin")],
-                channels: sample.channels,
+                channels: [before.filter(|_| number > 0), after.filter(|_| number < segments as usize)],
                 is_second: number == 1,
                 known,
                 segments,
@@ -169,21 +176,39 @@ pub fn draw(options: &Options, input: &ShadowInput, runner: &mut Runner<'_>) -> 
         samples.push(frame.sample(viewpoint, runner)?);
     }
     runner.phase(&CHANNEL);
-    for second in 1..samples.len() {
-        let first = second - 1;
+    for [first, second] in segments(samples.len(), is_closed(input)) {
         samples[first].channels[1] = Some(frame.channel(&samples[first], &samples[second], runner)?);
         samples[second].channels[0] = Some(frame.channel(&samples[second], &samples[first], runner)?);
     }
     Ok(samples)
 }
 
-/// Points of the light from which maps are drawn, evenly from end to end.
+/// Points of the light from which maps are drawn, evenly from end to end or around a triangle; `count` on each side, ends included.
 fn viewpoints(input: &ShadowInput, count: u32) -> Vec<Viewpoint> {
-    let LightShape::Line { half } = input.light_shape else {
-        panic!("the light is a line: others are refused")
+    let part = |i: u32| f64::from(i) / f64::from(count - 1);
+    let places: Vec<DVec3> = match input.light_shape {
+        LightShape::Line { half } => (0..count).map(|i| half * (2.0 * part(i) - 1.0)).collect(),
+        LightShape::Triangle { halves: [a, b] } => {
+            let first = (a + b) * (-2.0 / 3.0);
+            let corners = [first, first + a * 2.0, first + b * 2.0];
+            // The last of a side is the first of the next one.
+            let side = |k: usize| (0..count - 1).map(move |i| corners[k].lerp(corners[(k + 1) % 3], part(i)));
+            (0..3).flat_map(side).collect()
+        }
+        _ => panic!("the light is a line or a triangle: others are refused"),
     };
-    let at = |i: u32| half * (2.0 * f64::from(i) / f64::from(count - 1) - 1.0);
-    (0..count).map(|i| Viewpoint::at(at(i).as_vec3().to_array())).collect()
+    places.into_iter().map(|place| Viewpoint::at(place.as_vec3().to_array())).collect()
+}
+
+/// Whether the samples of the light go around it, so that the last is followed by the first.
+fn is_closed(input: &ShadowInput) -> bool {
+    matches!(input.light_shape, LightShape::Triangle { .. })
+}
+
+/// The numbers of the samples at both ends of each segment, in the order of the samples.
+fn segments(samples: usize, is_closed: bool) -> impl Iterator<Item = [usize; 2]> {
+    let count = samples - usize::from(!is_closed);
+    (0..count).map(move |first| [first, (first + 1) % samples])
 }
 
 /// What all samples have together.
@@ -206,7 +231,7 @@ pub struct Sample {
     /// Where the depth of its map jumps, and the map.
     pub skins: Skins,
     /// How much is seen of the segment before it and of the one after it, by texel, or more than 1 where no skin tells; `None` where
-    /// the light ends.
+    /// a line ends.
     pub channels: [Option<Addr>; 2],
 }
 

@@ -65,29 +65,54 @@ impl Receivers {
 /// Order in which the eye view leaves its receivers: along a Hilbert curve through the picture, so that receivers that
 /// follow one another share cells.
 fn curve_order(input: &ShadowInput) -> Vec<u32> {
-    let side = input.width.max(input.height).next_power_of_two();
-    let mut order: Vec<u32> = (0..input.receivers.len() as u32).collect();
-    order.sort_by_cached_key(|&i| {
-        let pixel = input.receiver_pixel[i as usize];
-        hilbert(side, pixel % input.width, pixel / input.width)
+    let (width, height) = (input.width, input.height);
+    let count = input.receivers.len();
+    let mut order = Vec::with_capacity(count);
+    let side = width.max(height).next_power_of_two();
+    if count as u64 == u64::from(width) * u64::from(height) {
+        // Every pixel has one, of its own number.
+        along_curve([width, height], [0, 0], side, [false; 2], &mut |x, y| order.push(y * width + x));
+        return order;
+    }
+    let mut receivers = vec![NO_RECEIVER; width as usize * height as usize];
+    for (receiver, pixel) in (0..).zip(&input.receiver_pixel) {
+        receivers[*pixel as usize] = receiver;
+    }
+    along_curve([width, height], [0, 0], side, [false; 2], &mut |x, y| {
+        let receiver = receivers[y as usize * width as usize + x as usize];
+        if receiver != NO_RECEIVER {
+            order.push(receiver);
+        }
     });
     order
 }
 
-/// Place of a pixel on the Hilbert curve through a square; `side` is a power of two.
-pub fn hilbert(side: u32, mut x: u32, mut y: u32) -> u64 {
-    let mut place = 0;
-    let mut half = side / 2;
-    while half > 0 {
-        let (right, upper) = (u32::from(x & half > 0), u32::from(y & half > 0));
-        place = place << 2 | u64::from((3 * right) ^ upper);
-        if upper == 0 {
-            if right == 1 {
-                (x, y) = (side - 1 - x, side - 1 - y);
-            }
-            (x, y) = (y, x);
-        }
-        half /= 2;
+/// What stands for the receiver of a pixel that sees none.
+const NO_RECEIVER: u32 = u32::MAX;
+
+/// Visits the pixels of a picture of this size, as far as they lie in a square, along a Hilbert curve through it. `turned`: whether
+/// the square's axes are exchanged, and whether both go the other way. `side`, that of the square, is a power of two.
+pub fn along_curve(
+    size: [u32; 2],
+    corner: [u32; 2],
+    side: u32,
+    turned: [bool; 2],
+    visit: &mut impl FnMut(u32, u32),
+) {
+    if corner[0] >= size[0] || corner[1] >= size[1] {
+        return;
     }
-    place
+    if side == 1 {
+        visit(corner[0], corner[1]);
+        return;
+    }
+    let [exchanged, reversed] = turned;
+    for [right, upper] in [[false, false], [false, true], [true, true], [true, false]] {
+        let [x, y] = if exchanged { [upper, right] } else { [right, upper] };
+        let at = |corner: u32, far: bool| corner + u32::from(far != reversed) * (side / 2);
+        let corner = [at(corner[0], x), at(corner[1], y)];
+        // A lower quarter is turned once more, and the right one the other way around.
+        let turned = [exchanged == upper, reversed != (right && !upper)];
+        along_curve(size, corner, side / 2, turned, visit);
+    }
 }

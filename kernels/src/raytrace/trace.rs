@@ -21,7 +21,7 @@ use crate::irregular::receivers::{Receiver, Receivers};
 use crate::light::View;
 use crate::plane::{Vec3, dot, sub};
 use crate::record::Record;
-use crate::samples::{resolve, rotated, turn_of};
+use crate::samples::{TRIANGLE_OFFSET, resolve, rotated, turn_of};
 use crate::scene::fill;
 use crate::segment::Vec2;
 
@@ -61,7 +61,7 @@ impl Rays {
         let reversed = |k: u32| f64::from(k.reverse_bits()) / 4_294_967_296.0;
         let places = (0..count).map(|k| match light.shape.outline() {
             Outline::Disc => DVec2::from_angle(f64::from(k) * golden),
-            Outline::Square => DVec2::new(even(k), reversed(k)),
+            Outline::Square | Outline::Triangle => DVec2::new(even(k), reversed(k)),
             Outline::Line => DVec2::new(even(k), 0.0),
         });
         let directions = (0..TURNS).map(|k| DVec2::from_angle(TAU * f64::from(k) / f64::from(TURNS)));
@@ -101,10 +101,10 @@ impl Rays {
             }
             outline => {
                 let (one, two) = (v.vset_f32(1.0), v.vset_f32(2.0));
-                let shift = if outline == Outline::Square {
-                    random.parts[0]
-                } else {
+                let shift = if outline == Outline::Line {
                     v.vmul(random.parts[0], per_count)
+                } else {
+                    random.parts[0]
                 };
                 let shifts = [shift, random.parts[1]];
                 let shifted = each!(axis in [0, 1] => {
@@ -114,10 +114,26 @@ impl Rays {
                     let part = v.vsub(place, whole);
                     v.vmsub(part, two, one)
                 });
-                if outline == Outline::Square { shifted } else { [shifted[0], v.vset_f32(0.0)] }
+                match outline {
+                    Outline::Triangle => folded(v, shifted),
+                    Outline::Line => [shifted[0], v.vset_f32(0.0)],
+                    _ => shifted,
+                }
             }
         }
     }
+}
+
+/// The places on a triangle of those on a square, about whose middle the half that does not belong to the triangle is folded over.
+#[inline(always)]
+fn folded<V: Vpu>(v: &mut V, [x, y]: Vec2<V>) -> Vec2<V> {
+    let (zero, offset) = (v.vset_f32(0.0), v.vset_f32(TRIANGLE_OFFSET as f32));
+    let sum = v.vadd(x, y);
+    let outside = v.vcmp_gt(sum, zero);
+    each!(axis in [0, 1] => {
+        let place = v.vsub_or([x, y][axis], outside, zero, [x, y][axis]);
+        v.vadd(place, offset)
+    })
 }
 
 /// What is drawn by lot for 16 receivers, by their pixels.

@@ -262,13 +262,9 @@ impl Part<'_> {
         let reach2 = v.vmul(of_s, of_s);
         let reach2 = match self.cover.light.shape.outline() {
             Outline::Line => reach2,
-            Outline::Disc | Outline::Square => v.vmadd(of_t, of_t, reach2),
+            Outline::Disc | Outline::Square | Outline::Triangle => v.vmadd(of_t, of_t, reach2),
         };
-        let more = match self.cover.light.shape.outline() {
-            Outline::Disc | Outline::Line => ROUNDED,
-            Outline::Square => ROUNDED * Outline::Square.reach2(),
-        };
-        let more = v.vset_f32(more);
+        let more = v.vset_f32(ROUNDED * self.cover.light.shape.outline().reach2());
         let reach2 = v.vmul(reach2, more);
         let size = v.vabs(middle);
         let signed2 = v.vmul(middle, size);

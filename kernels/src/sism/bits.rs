@@ -218,8 +218,8 @@ impl Shade for Bits {
         let length2 = dot(v, e, e);
         let reach2 = match state.view.outline {
             Outline::Disc | Outline::Line => length2,
-            Outline::Square => {
-                let reach2 = v.vset_f32(Outline::Square.reach2());
+            Outline::Square | Outline::Triangle => {
+                let reach2 = v.vset_f32(state.view.outline.reach2());
                 v.vmul(length2, reach2)
             }
         };

@@ -136,6 +136,11 @@ const HARD: Phase = phase("hard", "hard shadow kernel", true);
 const SOFT: Phase = phase("soft", "soft shadow kernel", true);
 const COMPOSE: Phase = phase("compose", "composition", true);
 
+/// What is written for the option `name`.
+fn written(options: &Options, name: &str) -> String {
+    options.written().find(|(option, _)| *option == name).map(|(_, value)| value).unwrap_or_default()
+}
+
 impl Method for Sism {
     fn entry(&self) -> Entry {
         ENTRY
@@ -160,18 +165,15 @@ impl Method for Sism {
             ("angle", angle != Angle::Atan2, "atan2"),
         ];
         let (name, _, right) = other.into_iter().find(|(_, is_other, _)| *is_other)?;
-        let written = |asked: &str| {
-            options.written().find(|(name, _)| *name == asked).map(|(_, value)| value).unwrap_or_default()
-        };
         Some(format!(
             "`{name}={}` of `sism` sums parts of the light, and `overlap={}` sums none; it must be `overlap=sum` or `{name}={right}`",
-            written(name),
-            written("overlap")
+            written(options, name),
+            written(options, "overlap")
         ))
     }
 
     fn objection_to_light(&self, options: &Options, light: &Light) -> Option<String> {
-        let Choices { form, angle, .. } = Choices::of(options);
+        let Choices { form, angle, overlap, .. } = Choices::of(options);
         let shape = light.shape();
         if shape == LightShape::Facing {
             return None;
@@ -181,6 +183,20 @@ impl Method for Sism {
             return Some(format!(
                 "`form=printed` of `sism` takes a light for a sphere, as the paper does, and this one is a {kind}; it must be `form=exact`"
             ));
+        }
+        if matches!(shape, LightShape::Triangle { .. }) {
+            if overlap.groups().is_none() {
+                return Some(format!(
+                    "`overlap={}` of `sism` sums parts of the light, and has none of a {kind}; it must be `overlap=bits:64` or `bits:256`",
+                    written(options, "overlap")
+                ));
+            }
+            if self.lights(options) > 1 {
+                return Some(format!(
+                    "`lights={}` of `sism` splits the light, and this one is a {kind}; it must be `lights=1`",
+                    self.lights(options)
+                ));
+            }
         }
         (angle == Angle::Acos && !matches!(shape, LightShape::Disc { .. })).then(|| {
             format!(

@@ -574,8 +574,8 @@ pub fn sphere(radius: f64) -> Light {
     Light::Sphere { center: DVec3::ZERO, radius }
 }
 
-/// `light`, and a disc, a rectangle and a line of its size in its place.
-pub fn one_of_each_kind(light: Light) -> [Light; 4] {
+/// `light`, and a disc, a rectangle, a line and a triangle of its size in its place.
+pub fn one_of_each_kind(light: Light) -> [Light; 5] {
     let (center, radius) = (light.center(), light.radius());
     let (half_u, half_v) = (DVec3::new(1.0, 0.2, 0.1) * radius, DVec3::new(0.1, 0.0, 0.5) * radius);
     [
@@ -583,6 +583,11 @@ pub fn one_of_each_kind(light: Light) -> [Light; 4] {
         Light::Disc { center, normal: DVec3::new(0.2, 1.0, 0.1), radius },
         Light::Rect { center, half_u, half_v },
         Light::Linear { p0: center - half_u, p1: center + half_u },
+        Light::Triangle {
+            p0: center - half_u - half_v,
+            p1: center + half_u - half_v,
+            p2: center + half_v * 2.0,
+        },
     ]
 }
 

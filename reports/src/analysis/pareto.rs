@@ -1,7 +1,7 @@
 //! The points that no other beats in both numbers; less is better.
 
 use super::{Data, Finding, Row, grouped};
-use crate::metric::title;
+use crate::metric::{BIAS, ERROR_PLACES, MEAN_ERROR, title};
 use crate::plot::{Axis, Lines, Look, Plot, Series};
 use crate::sheet::{Cell, Sheet, short, show_value};
 use crate::study::Analysis;
@@ -61,10 +61,17 @@ pub(super) fn pareto(data: &Data, analysis: &Analysis) -> Finding {
         (_, None) => "The front: no other point has less of one number and no more of the other.".to_owned(),
     };
     let mut notes = vec![note];
-    if each.is_some() {
-        let rivals = grouped(rated.into_iter());
-        notes.extend(rivals.iter().map(|(rival, points)| summary(data, rival, points, [&x, &y])));
-    }
+    let rivals = grouped(rated.into_iter());
+    notes.extend(rivals.iter().filter_map(|(rival, points)| {
+        let failing = if y == MEAN_ERROR { failing(data, points) } else { None };
+        match (each, failing) {
+            (None, failing) => failing.map(|failing| format!("{rival}: {failing}")),
+            (Some(_), failing) => {
+                let failing = failing.map_or_else(String::new, |failing| format!(" There {failing}"));
+                Some(summary(data, rival, points, [&x, &y]) + &failing)
+            }
+        }
+    }));
     Finding {
         name: "pareto".to_owned(),
         title: format!("{} against {}", title(&y), title(&x)),
@@ -83,8 +90,7 @@ fn summary(data: &Data, rival: &str, points: &[Rated], [x, y]: [&String; 2]) -> 
         if low == high { short(low) } else { format!("{} to {}", short(low), short(high)) }
     };
     let on = points.iter().filter(|point| point.on).count();
-    let by_y = |a: &&Rated, b: &&Rated| a.point.place.1.total_cmp(&b.point.place.1);
-    let worst = points.iter().max_by(by_y).filter(|_| points.len() > 1);
+    let worst = worst(points).filter(|_| points.len() > 1);
     let worst = worst.map_or_else(String::new, |worst| {
         let others = data.columns.iter().filter(|path| ![x, y].contains(path));
         let shown =
@@ -101,6 +107,32 @@ fn summary(data: &Data, rival: &str, points: &[Rated], [x, y]: [&String; 2]) -> 
         range(|place| place.1),
         points.len()
     )
+}
+
+/// The point of a rival that has most of the second number.
+fn worst<'a, 'b>(points: &'b [Rated<'a>]) -> Option<&'b Rated<'a>> {
+    points.iter().max_by(|a, b| a.point.place.1.total_cmp(&b.point.place.1))
+}
+
+/// Where the picture of a rival fails that is off the most: an end of a sentence; `None` where nothing tells, or nothing is off.
+fn failing(data: &Data, points: &[Rated]) -> Option<String> {
+    let row = worst(points)?.point.row;
+    let all = data.number(row, MEAN_ERROR).filter(|all| *all > 0.0)?;
+    let bias = data.number(row, BIAS)?;
+    let mut places = Vec::new();
+    for (path, place) in ERROR_PLACES {
+        places.push((data.number(row, path)? / all, place));
+    }
+    places.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let told = places.iter().filter(|(share, _)| *share >= 0.005);
+    let shares: Vec<String> =
+        told.map(|(share, place)| format!("{:.0} % in {place}", 100.0 * share)).collect();
+    let sign = match bias / all {
+        b if b > 0.5 => "mostly too light",
+        b if b < -0.5 => "mostly too dark",
+        _ => "too light here and too dark there",
+    };
+    Some(format!("what is off lies {}, {sign} ({}).", shares.join(", "), short(bias)))
 }
 
 /// A point as its rival is judged by it.
@@ -129,6 +161,7 @@ mod tests {
     use serde_json::Value;
 
     use crate::digest::Digest;
+    use crate::run::ErrorPlaces;
     use crate::study::{AnalysisEntry, AnalysisKind};
 
     #[test]
@@ -155,6 +188,30 @@ mod tests {
             notes[2].starts_with("2: ") && notes[2].ends_with("on the front of 1 of 2. Worst in hard."),
             "{notes:?}"
         );
+    }
+
+    #[test]
+    fn methods_are_told_where_they_fail() {
+        let values: Vec<[Value; 1]> = ["soft", "hard"].map(|name| [Value::from(name)]).into();
+        let points: Vec<(&[Value], f64)> = values.iter().map(|values| (&values[..], 5.0)).collect();
+        let mut study = crate::analysis::tests::study(&["algorithm"], &["pareto"], &points);
+        study.study.metric = "image.error.mean".to_owned();
+        let mut options = study.study.analysis[0].options();
+        options.x = Some("total.ms".to_owned());
+        study.study.analysis[0] = AnalysisEntry::Options(options);
+        for (point, [umbra, penumbra, light]) in study.points.iter_mut().zip([[0.1, 0.3, 0.0], [0.0; 3]]) {
+            let report = point.report.as_mut().expect("it was measured");
+            let mut error = crate::sample::judged().image.error.expect("judged");
+            error.places = Some(ErrorPlaces { umbra, penumbra, light });
+            (error.mean, error.bias) = (umbra + penumbra + light, umbra - penumbra);
+            report.image.error = Some(error);
+        }
+        let findings = crate::analysis::findings(&Digest::of(&study));
+        let notes = &findings.iter().find(|finding| finding.name == "pareto").expect("asked for").notes;
+        let told = "soft: what is off lies 75 % in penumbras, 25 % in umbras, \
+                    too light here and too dark there (-0.2000).";
+        // Where nothing is off, nothing fails.
+        assert_eq!(notes[1..], [told]);
     }
 
     #[test]

@@ -14,7 +14,7 @@ impl Validation {
     pub fn markdown(&self, sources: &BTreeMap<String, String>) -> String {
         let mut text = format!(
             "# Validation\n\nMicrobenchmarks on `{}` at fidelity `{}` against published measurements. Written by \
-             `lrbsim validate -o docs`; do not edit.\n\n",
+             `lrbsim validate -o docs`; do not edit. What papers on shadow methods found stands in `docs/methods.md`.\n\n",
             self.machine, self.fidelity
         );
         text.push_str(

@@ -165,7 +165,9 @@ fn off_along(shape: LightShape, normal: DVec3) -> f64 {
     match shape {
         LightShape::Facing => 1.0,
         LightShape::Disc { normal: across } => across.cross(normal).length(),
-        LightShape::Rect { halves: [u, v] } => u.cross(v).normalize().cross(normal).length(),
+        LightShape::Rect { halves: [u, v] } | LightShape::Triangle { halves: [u, v] } => {
+            u.cross(v).normalize().cross(normal).length()
+        }
         LightShape::Line { half } => half.normalize().dot(normal).abs(),
     }
 }
@@ -216,7 +218,9 @@ fn off_planes(light: &Light, mesh: &Mesh, adjacency: &Adjacency) -> DVec3 {
                 DVec3::new(flat * cos, up, flat * sin)
             }
             LightShape::Disc { normal } => in_plane(normal),
-            LightShape::Rect { halves: [u, v] } => in_plane(u.cross(v).normalize()),
+            LightShape::Rect { halves: [u, v] } | LightShape::Triangle { halves: [u, v] } => {
+                in_plane(u.cross(v).normalize())
+            }
             LightShape::Line { half } => half.normalize(),
         }
     });

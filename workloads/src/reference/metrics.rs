@@ -21,6 +21,9 @@ pub struct ErrorMetrics {
     pub off_by_quarter: usize,
     /// Sum of test - truth over all receivers, divided by the number of shadowed ones: above 0, the test is too light.
     pub bias: f64,
+    /// What of [`ErrorMetrics::atty_mae`] is of receivers that see nothing of the light, some of it, and all of it, by the truth: they
+    /// add up to it.
+    pub places: [f64; 3],
     /// Receivers with truth below 1.
     pub shadowed: usize,
     /// Receivers with truth or test below 1.
@@ -36,6 +39,10 @@ impl ErrorMetrics {
         let pairs = || truth.iter().zip(test);
         let sum: f64 = pairs().map(|(a, b)| (b - a).abs()).sum();
         let signed: f64 = pairs().map(|(a, b)| b - a).sum();
+        let place = |truth: f64| if truth <= 0.0 { 0 } else { 1 + usize::from(truth >= 1.0) };
+        let in_place = |at: usize| -> f64 {
+            pairs().filter(|(truth, _)| place(**truth) == at).map(|(a, b)| (b - a).abs()).sum()
+        };
         let squares: f64 = pairs().map(|(a, b)| (b - a) * (b - a)).sum();
         let shadowed = truth.iter().filter(|&&v| v < 1.0).count();
         // All others are off by 0.
@@ -52,6 +59,7 @@ impl ErrorMetrics {
             p99: off.get(rank).copied().unwrap_or(0.0),
             off_by_quarter: off.iter().filter(|&&x| x > 0.25).count(),
             bias: over_shadowed(signed),
+            places: [0, 1, 2].map(|at| over_shadowed(in_place(at))),
             shadowed,
             in_question: off.len(),
         }

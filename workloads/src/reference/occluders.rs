@@ -47,6 +47,11 @@ impl Projection {
         let (axis, units, along) = match shape {
             LightShape::Facing => disc(-p.normalize()),
             LightShape::Disc { normal } => disc(away(normal)),
+            LightShape::Triangle { halves: [u, v] } => {
+                // Exchanged where the axis is turned around.
+                let (u, v) = if u.cross(v).dot(p) > 0.0 { (v, u) } else { (u, v) };
+                (u.cross(v).normalize(), [u, v], dual(u, v))
+            }
             LightShape::Rect { halves: [u, v] } => {
                 // Turned around with the axis: from either side, left of an edge is left of it.
                 let v = if u.cross(v).dot(p) > 0.0 { -v } else { v };
@@ -87,6 +92,7 @@ impl Projection {
             Outline::Disc => area_beyond(u0, u1),
             Outline::Square => square_beyond(u0, u1),
             Outline::Line => line_beyond(u0, u1),
+            Outline::Triangle => panic!("no method sums parts of a triangle"),
         }
     }
 

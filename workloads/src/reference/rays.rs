@@ -21,7 +21,7 @@ const SHAFT_TRIANGLES_MAX: usize = 2048;
 #[derive(Debug, Clone)]
 pub struct Rays {
     light: Light,
-    /// On the unit disc, equal areas, by x; for rectangles and lines in [0, 1)².
+    /// On the unit disc, equal areas, by x; for rectangles, triangles and lines in [0, 1)².
     samples: Vec<DVec2>,
 }
 
@@ -32,15 +32,18 @@ struct Spread {
     half: [DVec3; 2],
     /// How far a pattern on a square or a line is shifted, around its ends; `None` for one that is turned.
     shift: Option<DVec2>,
+    /// Whether the light is the half of the parallelogram whose places add up to 0 or less: the other half is folded over.
+    is_half: bool,
 }
 
 impl Spread {
     /// Where a sample lies in the parallelogram, from -1 to 1 along both sides.
     fn place(&self, sample: DVec2) -> DVec2 {
-        match self.shift {
+        let place = match self.shift {
             Some(shift) => (sample + shift).fract() * 2.0 - DVec2::ONE,
             None => sample,
-        }
+        };
+        if self.is_half && place.x + place.y > 0.0 { -place } else { place }
     }
 
     fn target(&self, sample: DVec2) -> DVec3 {
@@ -88,7 +91,7 @@ impl Rays {
         let count = if point { 1 } else { count.max(1) };
         let n = f64::from(count);
         let sample = |i: u32| match light {
-            Light::Rect { .. } => {
+            Light::Rect { .. } | Light::Triangle { .. } => {
                 // Additive recurrence by the plastic number: even in two dimensions for any count.
                 let k = f64::from(i) + 0.5;
                 DVec2::new((k * 0.754_877_666_246_692_8).fract(), (k * 0.569_840_290_998_053_3).fract())
@@ -188,12 +191,16 @@ impl Rays {
     }
 
     fn spread(&self, p: DVec3, turn: f64) -> Spread {
-        let center = self.light.center();
+        let mut center = self.light.center();
         // Two numbers of one: a rectangle is shifted along either side.
         let shift = DVec2::new(turn, (turn * 65_536.0).fract());
         let (half, shift) = match self.light {
             Light::Rect { half_u, half_v, .. } => ([half_u, half_v], Some(shift)),
             Light::Linear { p0, p1 } => ([(p1 - p0) * 0.5, DVec3::ZERO], Some(shift)),
+            Light::Triangle { p0, p1, p2 } => {
+                center = (p1 + p2) * 0.5;
+                ([(p1 - p0) * 0.5, (p2 - p0) * 0.5], Some(shift))
+            }
             Light::Sphere { .. } | Light::Disc { .. } | Light::Point { .. } => {
                 let axis = match self.light.shape() {
                     LightShape::Disc { normal } => normal,
@@ -205,7 +212,8 @@ impl Rays {
                 ([u * cos + v * sin, v * cos - u * sin], None)
             }
         };
-        Spread { center, half, shift }
+        let is_half = matches!(self.light, Light::Triangle { .. });
+        Spread { center, half, shift, is_half }
     }
 }
 
@@ -245,6 +253,7 @@ pub(super) fn is_point(light: &Light) -> bool {
         Light::Sphere { radius, .. } | Light::Disc { radius, .. } => radius == 0.0,
         Light::Point { .. } => true,
         Light::Linear { p0, p1 } => p0 == p1,
+        Light::Triangle { p0, p1, p2 } => p0 == p1 && p0 == p2,
         Light::Rect { half_u, half_v, .. } => half_u == DVec3::ZERO && half_v == DVec3::ZERO,
     }
 }

@@ -182,6 +182,8 @@ fn a_metric_reports_tail_and_bias() {
     assert_eq!((metrics.shadowed, metrics.in_question), (2, 3));
     assert_eq!((metrics.max, metrics.p99, metrics.off_by_quarter), (0.5, 0.5, 1));
     assert_eq!((metrics.atty_mae, metrics.bias, metrics.mean), (0.5, 0.0, 0.25));
+    // Half a light is let into umbra, a quarter is missing in the penumbra, another in the light, over two that are shadowed.
+    assert_eq!(metrics.places, [0.25, 0.125, 0.125]);
     assert!((metrics.rmse - (0.375_f64 / 3.0).sqrt()).abs() < 1e-15);
     let none = ErrorMetrics::new(&[1.0, 1.0], &[1.0, 1.0]);
     assert_eq!(none, ErrorMetrics::default());
@@ -269,6 +271,14 @@ fn rectangles_and_lines_have_their_closed_forms_too() {
         let error = r_m_s(truth.iter().zip(&offsets).map(|(v, d)| v - (1.0 + d) / 2.0));
         assert!(error < 3e-3, "{light:?}: {error}");
     }
+    // Of a triangle with a side along the edge, what is not seen yet falls with the square.
+    let corner = |x: f64, y: f64| DVec3::new(x, y, 0.0);
+    let light = Light::Triangle { p0: corner(-0.5, -0.2), p1: corner(-0.5, 0.4), p2: corner(0.5, 0.1) };
+    let moved = offsets.iter().map(|d| DVec3::new(-d * 0.5, 0.1, 4.0)).collect();
+    let truth = Truth::new(&half_plane(), &light, &receivers(moved), 1024, &|| ()).visibility();
+    let error = r_m_s(truth.iter().zip(&offsets).map(|(v, d)| v - (1.0 - ((1.0 - d) / 2.0).powi(2))));
+    println!("a triangle: {error}");
+    assert!(error < 4e-3, "{light:?}: {error}");
 }
 
 #[test]

@@ -201,6 +201,10 @@ fn moved(light: Light, way: &Move) -> Light {
             let by = way.apply(light.center()) - light.center();
             Light::Linear { p0: p0 + by, p1: p1 + by }
         }
+        Light::Triangle { p0, p1, p2 } => {
+            let by = way.apply(light.center()) - light.center();
+            Light::Triangle { p0: p0 + by, p1: p1 + by, p2: p2 + by }
+        }
     }
 }
 

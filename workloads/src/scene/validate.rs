@@ -119,6 +119,20 @@ fn light(light: &Light) -> Result<(), SceneError> {
             point("light.p0", p0)?;
             point("light.p1", p1)
         }
+        Light::Triangle { p0, p1, p2 } => {
+            point("light.p0", p0)?;
+            point("light.p1", p1)?;
+            point("light.p2", p2)?;
+            let [a, b] = [p1 - p0, p2 - p0];
+            if length(a.cross(b)) > RECT_SINE_MIN * length(a) * length(b) {
+                return Ok(());
+            }
+            Err(value(
+                "light.p2",
+                p2,
+                "off the line through `light.p0` and `light.p1`; a `linear` light has no width",
+            ))
+        }
         Light::Sphere { center, radius } => {
             point("light.center", center)?;
             size("light.radius", radius)

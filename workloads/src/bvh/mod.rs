@@ -3,6 +3,8 @@
 //! Crates for this keep boxes and hit distances in f32; receivers must be exact hit points, and scenes may lie
 //! 5000 km off the origin, so the hierarchy is ours: binned surface-area splits, watertight triangle test.
 
+pub mod packet;
+
 use glam::DVec3;
 
 use crate::mesh::{Bounds, Mesh, distance_to_triangle};
@@ -34,6 +36,24 @@ struct Node {
     count: u32,
     /// Axis of the split.
     axis: u8,
+}
+
+impl Node {
+    /// Makes this the root of two subtrees; `right`: the number of the second one's root.
+    fn become_inner(&mut self, axis: usize, right: u32) {
+        (self.first, self.count, self.axis) = (right, 0, axis as u8);
+    }
+
+    /// This node of a subtree whose nodes are numbered from `offset` on.
+    fn moved(self, offset: u32) -> Node {
+        let first = if self.count == 0 { self.first + offset } else { self.first };
+        Node { first, ..self }
+    }
+
+    /// The children of the inner node `index`, nearest first for a ray that goes up along the axis of the split if `is_up`.
+    fn children(&self, index: u32, is_up: bool) -> [u32; 2] {
+        if is_up { [index + 1, self.first] } else { [self.first, index + 1] }
+    }
 }
 
 /// The hierarchy, with a copy of the corners in leaf order.
@@ -160,13 +180,12 @@ impl Bvh {
                 bounds
             })
             .collect();
-        let mut build = Build { boxes, nodes: Vec::new() };
+        let centers = boxes.iter().map(Bounds::center).collect();
         let mut order: Vec<u32> = (0..corners.len() as u32).collect();
-        if !order.is_empty() {
-            build.node(&mut order, 0, 0);
-        }
+        let nodes =
+            if order.is_empty() { Vec::new() } else { Build { boxes, centers }.subtree(&mut order, 0, 0) };
         let corners = order.iter().map(|&t| corners[t as usize]).collect();
-        Self { nodes: build.nodes, corners, order }
+        Self { nodes, corners, order }
     }
 
     /// The first triangle along the ray with `t_min < t < t_max`; of hits at the same `t`, the lowest index.
@@ -291,8 +310,7 @@ impl Bvh {
                 continue;
             }
             if node.count == 0 {
-                let near_first = direction[node.axis as usize] >= 0.0;
-                let (near, far) = if near_first { (index + 1, node.first) } else { (node.first, index + 1) };
+                let [near, far] = node.children(index, direction[node.axis as usize] >= 0.0);
                 stack[depth] = far;
                 stack[depth + 1] = near;
                 depth += 2;
@@ -308,33 +326,65 @@ impl Bvh {
     }
 }
 
+/// Triangles from which on both halves of a subtree are built at once.
+const PARALLEL_TRIANGLES: usize = 4096;
+
+/// Boxes of all triangles, and their middles.
 struct Build {
     boxes: Vec<Bounds>,
-    nodes: Vec<Node>,
+    centers: Vec<DVec3>,
 }
 
 impl Build {
-    fn node(&mut self, order: &mut [u32], first: u32, depth: usize) {
-        let bounds = order.iter().fold(Bounds::EMPTY, |b, &t| b.union(self.boxes[t as usize]));
-        let index = self.nodes.len();
-        self.nodes.push(Node { bounds, first, count: order.len() as u32, axis: 0 });
-        // The walk keeps one entry a level and two for the children.
-        if order.len() <= LEAF_TRIANGLES || depth + 3 >= STACK {
-            return;
+    /// The subtree of the triangles in `order`, which stand from `first` on in the order of leaves: nodes are numbered from its root.
+    fn subtree(&self, order: &mut [u32], first: u32, depth: usize) -> Vec<Node> {
+        if order.len() < PARALLEL_TRIANGLES {
+            let mut nodes = Vec::new();
+            self.node(&mut nodes, order, first, depth);
+            return nodes;
         }
-        let Some((axis, middle)) = self.split(order, depth) else { return };
+        let (mut root, split) = self.root(order, first, depth);
+        let Some((axis, middle)) = split else { return vec![root] };
         let (left, right) = order.split_at_mut(middle);
-        self.node(left, first, depth + 1);
-        self.nodes[index].first = self.nodes.len() as u32;
-        self.nodes[index].count = 0;
-        self.nodes[index].axis = axis as u8;
-        self.node(right, first + middle as u32, depth + 1);
+        let (left, right) = rayon::join(
+            || self.subtree(left, first, depth + 1),
+            || self.subtree(right, first + middle as u32, depth + 1),
+        );
+        let right_child = 1 + left.len() as u32;
+        root.become_inner(axis, right_child);
+        let mut nodes = Vec::with_capacity(1 + left.len() + right.len());
+        nodes.push(root);
+        nodes.extend(left.into_iter().map(|node| node.moved(1)));
+        nodes.extend(right.into_iter().map(|node| node.moved(right_child)));
+        nodes
+    }
+
+    /// Appends a subtree to `nodes`, whose numbers it goes on with.
+    fn node(&self, nodes: &mut Vec<Node>, order: &mut [u32], first: u32, depth: usize) {
+        let index = nodes.len();
+        let (root, split) = self.root(order, first, depth);
+        nodes.push(root);
+        let Some((axis, middle)) = split else { return };
+        let (left, right) = order.split_at_mut(middle);
+        self.node(nodes, left, first, depth + 1);
+        let right_child = nodes.len() as u32;
+        nodes[index].become_inner(axis, right_child);
+        self.node(nodes, right, first + middle as u32, depth + 1);
+    }
+
+    /// The root of a subtree, as if it were a leaf; and if it is to be none, its axis and how many triangles go to the left.
+    fn root(&self, order: &mut [u32], first: u32, depth: usize) -> (Node, Option<(usize, usize)>) {
+        let bounds = order.iter().fold(Bounds::EMPTY, |b, &t| b.union(self.boxes[t as usize]));
+        let root = Node { bounds, first, count: order.len() as u32, axis: 0 };
+        // The walk keeps one entry a level and two for the children.
+        let is_leaf = order.len() <= LEAF_TRIANGLES || depth + 3 >= STACK;
+        (root, if is_leaf { None } else { self.split(order, depth) })
     }
 
     /// Sorts `order` into two parts; axis and size of the first part.
     fn split(&self, order: &mut [u32], depth: usize) -> Option<(usize, usize)> {
         let mut centers = Bounds::EMPTY;
-        order.iter().for_each(|&t| centers.add(self.boxes[t as usize].center()));
+        order.iter().for_each(|&t| centers.add(self.centers[t as usize]));
         let size = centers.size();
         let widest = (0..3).fold(0, |best, k| if size[k] > size[best] { k } else { best });
         if size[widest] <= 0.0 || !size[widest].is_finite() {
@@ -344,7 +394,7 @@ impl Build {
         if depth < STACK / 2
             && let Some((axis, at)) = self.best_bin(order, &centers)
         {
-            let bin = |t: u32| bin_of(self.boxes[t as usize].center()[axis], &centers, axis);
+            let bin = |t: u32| bin_of(self.centers[t as usize][axis], &centers, axis);
             let mut parts: Vec<u32> = order.iter().copied().filter(|&t| bin(t) <= at).collect();
             let middle = parts.len();
             parts.extend(order.iter().copied().filter(|&t| bin(t) > at));
@@ -353,7 +403,7 @@ impl Build {
                 return Some((axis, middle));
             }
         }
-        let key = |t: u32| self.boxes[t as usize].center()[widest];
+        let key = |t: u32| self.centers[t as usize][widest];
         order.sort_unstable_by(|&a, &b| key(a).total_cmp(&key(b)).then(a.cmp(&b)));
         Some((widest, order.len() / 2))
     }
@@ -363,9 +413,8 @@ impl Build {
         for axis in (0..3).filter(|&k| centers.size()[k] > 0.0) {
             let mut bins = [(Bounds::EMPTY, 0_usize); BINS];
             for &t in order {
-                let bounds = self.boxes[t as usize];
-                let bin = &mut bins[bin_of(bounds.center()[axis], centers, axis)];
-                *bin = (bin.0.union(bounds), bin.1 + 1);
+                let bin = &mut bins[bin_of(self.centers[t as usize][axis], centers, axis)];
+                *bin = (bin.0.union(self.boxes[t as usize]), bin.1 + 1);
             }
             let mut right = [0.0; BINS];
             let mut sum = (Bounds::EMPTY, 0);
