@@ -103,6 +103,7 @@ pub fn run_frame(request: &RunRequest, progress: &dyn Progress) -> Result<RunOut
     let (input, cosine, mut warnings) = on_host_threads(host.threads, || {
         let see = || EyeView::render(&scene.mesh, &scene.camera, scene.image.width, scene.image.height);
         let (eye, adjacency) = rayon::join(see, || Adjacency::new(&scene.mesh));
+        progress.part("input");
         let input = ShadowInput::of_lights(scene, request.algorithm.lights(), &adjacency, &eye);
         let warnings = warnings(scene, &adjacency, &eye);
         // Of the view, which takes more memory than anything else on the host, no more is kept: it is soon had again.
@@ -120,6 +121,7 @@ pub fn run_frame(request: &RunRequest, progress: &dyn Progress) -> Result<RunOut
     let simulation_seconds = simulation.elapsed().as_secs_f64();
 
     // What came out.
+    progress.part("report");
     let of_method = |message: &String| Warning { kind: WarningKind::MethodLimit, message: message.clone() };
     warnings.extend(simulated.warnings.iter().map(of_method));
     let visibility = &simulated.shadows.visibility;

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
+use cpu_time::ProcessTime;
 use lrbsim_reports::picture::sha256_of_reader;
 
 use crate::results::safe_name;
@@ -23,6 +24,22 @@ impl Stopwatch {
     }
 
     /// Time since the stopwatch was started.
+    pub fn elapsed(&self) -> Duration {
+        self.0.elapsed()
+    }
+}
+
+/// A running count of the processor time of all threads of this process.
+#[derive(Debug, Clone, Copy)]
+pub struct CpuWatch(ProcessTime);
+
+impl CpuWatch {
+    /// Starts a count.
+    pub fn start() -> CpuWatch {
+        CpuWatch(ProcessTime::now())
+    }
+
+    /// Processor time since the count was started.
     pub fn elapsed(&self) -> Duration {
         self.0.elapsed()
     }

@@ -29,6 +29,7 @@ mod host;
 pub mod inputs;
 mod json;
 mod made;
+pub mod profile;
 pub mod progress;
 pub mod published;
 pub mod reference;

@@ -168,7 +168,9 @@ fn a_straight_edge_has_a_linear_penumbra_where_light_and_floor_are_parallel() {
         let across: Vec<f64> =
             parts.iter().chain(&[-0.2, 1.2]).map(|g| rho * half * (2.0 * g - 1.0)).collect();
         let input = input(over(floor(depth), &[strip(1.0, -20.0, 0.0)]), line(half), &rows(depth, &across));
-        for (samples, skin) in [(2, "masked"), (2, "printed"), (3, "masked"), (3, "printed"), (5, "masked")] {
+        // More samples are more maps: at one depth.
+        let some: &[(u32, &str)] = &[(2, "masked"), (2, "printed"), (3, "masked"), (5, "masked")];
+        for (samples, skin) in &some[..if rho == 1.0 { 4 } else { 1 }] {
             let options = format!("samples={samples},skin={skin}");
             let drawn = means(&draw(&Heidrich, &options, &input, on()).visibility);
             for (g, drawn) in parts.iter().zip(&drawn) {
@@ -407,11 +409,8 @@ fn error(truth: &[f64], options: &str, input: &ShadowInput) -> ErrorMetrics {
 
 #[test]
 fn skins_are_nearer_to_the_truth_than_the_same_samples_without() {
-    for (name, half) in [
-        ("table", DVec3::X * 0.4),
-        ("saloon-small", DVec3::new(0.3, 0.0, 0.0)),
-        ("cornell", DVec3::new(0.2, 0.0, 0.1)),
-    ] {
+    // A room of thousands of triangles is in `study trade-tube`.
+    for (name, half) in [("table", DVec3::X * 0.4), ("cornell", DVec3::new(0.2, 0.0, 0.1))] {
         let (scene, eye, input) = under_a_line(name, half, (160, 120));
         let truth = Truth::new(&scene.mesh, &scene.light, &eye, 1024, &|| ()).visibility();
         // More samples are more maps: on the smallest scene.
@@ -507,7 +506,7 @@ fn a_triangle_is_drawn_the_same_on_all_back_ends_and_nearer_to_the_truth_than_wi
         Scene { light: Light::Triangle { p0: at(-0.4, -0.2), p1: at(0.4, -0.2), p2: at(0.0, 0.4) }, ..scene };
     let truth = Truth::new(&scene.mesh, &scene.light, &eye, 1024, &|| ()).visibility();
     let input = ShadowInput::new(&scene, &Adjacency::new(&scene.mesh), &eye);
-    same_on_all_back_ends(&Heidrich, "size=128,samples=3", &input);
+    same_on_all_back_ends(&Heidrich, "size=128", &input);
     let [with, without] = ["", "threshold=1"].map(|options| error(&truth, options, &input).atty_mae);
     println!("table under a triangle: mean {with:.4} of the shadowed, without skins {without:.4}");
     assert!(with < 0.8 * without, "{with} with, {without} without");

@@ -6,6 +6,8 @@ use std::str::FromStr;
 
 use clap::Args;
 use lrbsim::choices;
+use lrbsim::profile::{self, Profiler};
+use lrbsim::progress::Progress as _;
 use lrbsim::reference::{DEFAULT_CACHE, parse_samples};
 use lrbsim::written::replaced_run;
 use lrbsim::{
@@ -99,6 +101,10 @@ pub(crate) struct RunArgs {
     #[arg(long)]
     dump: bool,
 
+    /// Tell where the time of the host went, stage by stage.
+    #[arg(long, conflicts_with_all = ["frames", "json"])]
+    profile: bool,
+
     /// Print the report as JSON on standard output, and nothing else there.
     #[arg(long)]
     json: bool,
@@ -114,6 +120,7 @@ pub(crate) fn run(args: &RunArgs, out: &mut impl Write) -> Result<(), Failure> {
     let samples = args.reference.as_deref().map(parse_samples).transpose()?;
     let size = args.size.as_deref().map(parse_size).transpose()?;
     let bar = Bar::new(std::io::stderr().is_terminal());
+    let profiler = Profiler::new("scene", &bar);
     bar.note("loading");
     let name = inputs::scene_name(&args.scene)?;
     let mut scene = inputs::scene_with(&name, &[])?;
@@ -144,11 +151,13 @@ pub(crate) fn run(args: &RunArgs, out: &mut impl Write) -> Result<(), Failure> {
     if let Some(frames) = args.frames {
         return run_moving(&request, frames, (&target, dir), &bar, args.json, out);
     }
-    let output = run_frame(&request, &bar)?;
+    let output = run_frame(&request, &profiler)?;
+    profiler.part("output");
     bar.finish();
 
     let replaced = replaced_run(&target, &output.report);
     let paths = results::write(dir, &output, &request.scene, args.dump)?;
+    let stages = profiler.finish();
     if args.json {
         out.write_all(output.report.to_json().as_bytes())?;
         return Ok(());
@@ -160,6 +169,9 @@ pub(crate) fn run(args: &RunArgs, out: &mut impl Write) -> Result<(), Failure> {
         output.host.seconds,
         output.host.simulated_instructions_per_second / 1e6
     )?;
+    if args.profile {
+        writeln!(out, "\n{}", profile::sheet(&stages).terminal())?;
+    }
     if let (Some(seconds), Some(found)) = (output.host.reference_seconds, output.host.reference_found) {
         let how = if found { "found in the cache, where it once took" } else { "cast in" };
         writeln!(out, "reference {how} {seconds:.2} s")?;

@@ -27,36 +27,42 @@ struct Packet {
 
 impl Packet {
     /// The packet of these rays; `None` where they do not look the same way, or one of them lies along a plane of the axes.
+    #[inline(always)]
     fn new(origin: DVec3, directions: &[DVec3; RAYS]) -> Option<Packet> {
-        let rays = directions.map(|direction| Ray::new(origin, direction));
-        let first = directions[0];
-        let is_up = [0, 1, 2].map(|k| first[k] >= 0.0);
-        for (ray, direction) in rays.iter().zip(directions) {
-            let same = (0..3).all(|k| (direction[k] >= 0.0) == is_up[k] && ray.inverse[k].is_finite());
-            if !same || ray.axes != rays[0].axes {
-                return None;
+        let first = Ray::new(origin, directions[0]);
+        let is_up = [0, 1, 2].map(|k| directions[0][k] >= 0.0);
+        let along: [Lanes; 3] = [0, 1, 2].map(|k| directions.map(|direction| direction[k]));
+        let [x, y, z] = first.axes;
+        let mut inverse = [[0.0; RAYS]; 3];
+        let mut shear = [[0.0; RAYS]; 3];
+        let mut same = [true; RAYS];
+        for i in 0..RAYS {
+            for k in 0..3 {
+                inverse[k][i] = 1.0 / along[k][i];
+                same[i] &= ((along[k][i] >= 0.0) == is_up[k]) & inverse[k][i].is_finite();
             }
+            let [of_x, of_y, of_z] = [0, 1, 2].map(|k| along[k][i].abs());
+            let longest = if (of_x > of_y) & (of_x > of_z) { 0 } else { 1 + usize::from(of_z >= of_y) };
+            same[i] &= longest == z;
+            shear[0][i] = along[x][i] / along[z][i];
+            shear[1][i] = along[y][i] / along[z][i];
+            shear[2][i] = 1.0 / along[z][i];
         }
-        let each = |of: fn(&Ray) -> DVec3| [0, 1, 2].map(|k| core::array::from_fn(|i| of(&rays[i])[k]));
-        Some(Packet {
-            origin,
-            is_up,
-            inverse: each(|ray| ray.inverse),
-            axes: rays[0].axes,
-            shear: each(|ray| ray.shear),
-        })
+        let same = same.iter().all(|same| *same);
+        same.then_some(Packet { origin, is_up, inverse, axes: first.axes, shear })
     }
 
     /// The rays that meet the box of `node` before their limits, one a bit: [`Ray::meets`].
     #[inline(always)]
     fn meet(&self, node: &Node, limits: &Lanes) -> u32 {
-        let [mut low, mut high] = [node.bounds.min - self.origin, node.bounds.max - self.origin];
+        let mut low = (node.bounds.min - self.origin).to_array();
+        let mut high = (node.bounds.max - self.origin).to_array();
         for k in 0..3 {
             if !self.is_up[k] {
                 (low[k], high[k]) = (high[k], low[k]);
             }
         }
-        let mut meets = [false; RAYS];
+        let mut meets = [0; RAYS];
         for (i, meets) in meets.iter_mut().enumerate() {
             let (mut near, mut far) = (0.0, limits[i]);
             for k in 0..3 {
@@ -64,9 +70,9 @@ impl Packet {
                 near = if enter > near { enter } else { near };
                 far = if leave < far { leave } else { far };
             }
-            *meets = near <= far + far.abs() * (8.0 * f64::EPSILON);
+            *meets = bit(i, near <= far + far.abs() * (8.0 * f64::EPSILON));
         }
-        bits(&meets)
+        all(&meets)
     }
 }
 
@@ -83,25 +89,32 @@ impl Best {
     #[inline(always)]
     fn test(&mut self, packet: &Packet, active: u32, corners: &[DVec3; 3], triangle: u32) {
         let [x, y, z] = packet.axes;
-        let [a, b, c] = corners.map(|p| p - packet.origin);
+        // The coordinates in the order of the axes, out of the loop.
+        let relative = |corner: DVec3| {
+            let p = (corner - packet.origin).to_array();
+            (p[x], p[y], p[z])
+        };
+        let (a_x, a_y, a_z) = relative(corners[0]);
+        let (b_x, b_y, b_z) = relative(corners[1]);
+        let (c_x, c_y, c_z) = relative(corners[2]);
         let [mut u, mut v, mut w, mut det] = [[0.0; RAYS]; 4];
-        let mut inside = [false; RAYS];
+        let mut inside = [0; RAYS];
         for i in 0..RAYS {
             let (along_x, along_y) = (packet.shear[0][i], packet.shear[1][i]);
-            let (ax, ay) = (a[x] - along_x * a[z], a[y] - along_y * a[z]);
-            let (bx, by) = (b[x] - along_x * b[z], b[y] - along_y * b[z]);
-            let (cx, cy) = (c[x] - along_x * c[z], c[y] - along_y * c[z]);
+            let (ax, ay) = (a_x - along_x * a_z, a_y - along_y * a_z);
+            let (bx, by) = (b_x - along_x * b_z, b_y - along_y * b_z);
+            let (cx, cy) = (c_x - along_x * c_z, c_y - along_y * c_z);
             (u[i], v[i], w[i]) = (cx * by - cy * bx, ax * cy - ay * cx, bx * ay - by * ax);
             let below = (u[i] < 0.0) | (v[i] < 0.0) | (w[i] < 0.0);
             let above = (u[i] > 0.0) | (v[i] > 0.0) | (w[i] > 0.0);
             det[i] = u[i] + v[i] + w[i];
-            inside[i] = !(below & above) & (det[i] != 0.0);
+            inside[i] = bit(i, !(below & above) & (det[i] != 0.0));
         }
-        let mut left = bits(&inside) & active;
+        let mut left = all(&inside) & active;
         while left != 0 {
             let i = left.trailing_zeros() as usize;
             left &= left - 1;
-            let t = (u[i] * a[z] + v[i] * b[z] + w[i] * c[z]) * packet.shear[2][i] / det[i];
+            let t = (u[i] * a_z + v[i] * b_z + w[i] * c_z) * packet.shear[2][i] / det[i];
             let wins = t < self.limits[i] || (t == self.limits[i] && triangle < self.triangles[i]);
             if t > 0.0 && t < f64::INFINITY && wins {
                 self.limits[i] = t;
@@ -114,35 +127,56 @@ impl Best {
     }
 }
 
-/// The lanes that are set, one a bit.
+/// Whether the host has what [`Bvh::walk_together_avx2`] is made of.
+#[cfg(target_arch = "x86_64")]
+fn has_wide_instructions() -> bool {
+    use std::arch::is_x86_feature_detected as has;
+    has!("avx2") && has!("bmi1") && has!("bmi2") && has!("lzcnt")
+}
+
+/// Bit `i`, if `is_set`: as wide as a number of a lane, so that lanes stay where they are.
 #[inline(always)]
-fn bits(lanes: &[bool; RAYS]) -> u32 {
-    lanes.iter().enumerate().fold(0, |bits, (i, lane)| bits | u32::from(*lane) << i)
+fn bit(i: usize, is_set: bool) -> u64 {
+    if is_set { 1 << i } else { 0 }
+}
+
+/// The bits of all lanes.
+#[inline(always)]
+fn all(lanes: &[u64; RAYS]) -> u32 {
+    lanes.iter().fold(0, |bits, lane| bits | lane) as u32
 }
 
 impl Bvh {
     /// [`Bvh::closest`] of sixteen rays from one point, with no limits but 0 and infinity.
     #[must_use]
     pub fn closest_of_packet(&self, origin: DVec3, directions: &[DVec3; RAYS]) -> [Option<Hit>; RAYS] {
-        let Some(packet) = Packet::new(origin, directions).filter(|_| !self.nodes.is_empty()) else {
-            return directions.map(|direction| self.closest(origin, direction, 0.0, f64::INFINITY));
-        };
-        #[cfg(target_arch = "x86_64")]
-        if std::arch::is_x86_feature_detected!("avx2") {
-            // SAFETY: the host has these instructions.
-            return unsafe { self.walk_packet_avx2(&packet) };
+        if self.nodes.is_empty() {
+            return [None; RAYS];
         }
-        self.walk_packet(&packet)
+        #[cfg(target_arch = "x86_64")]
+        let together = if has_wide_instructions() {
+            // SAFETY: the host has these instructions.
+            unsafe { self.walk_together_avx2(origin, directions) }
+        } else {
+            self.walk_together(origin, directions)
+        };
+        #[cfg(not(target_arch = "x86_64"))]
+        let together = self.walk_together(origin, directions);
+        together.unwrap_or_else(|| {
+            directions.map(|direction| self.closest(origin, direction, 0.0, f64::INFINITY))
+        })
     }
 
     #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2")]
-    fn walk_packet_avx2(&self, packet: &Packet) -> [Option<Hit>; RAYS] {
-        self.walk_packet(packet)
+    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
+    fn walk_together_avx2(&self, origin: DVec3, directions: &[DVec3; RAYS]) -> Option<[Option<Hit>; RAYS]> {
+        self.walk_together(origin, directions)
     }
 
+    /// What each ray meets; `None` where the rays are no packet. There must be a node.
     #[inline(always)]
-    fn walk_packet(&self, packet: &Packet) -> [Option<Hit>; RAYS] {
+    fn walk_together(&self, origin: DVec3, directions: &[DVec3; RAYS]) -> Option<[Option<Hit>; RAYS]> {
+        let packet = Packet::new(origin, directions)?;
         let mut best =
             Best { limits: [f64::INFINITY; RAYS], triangles: [u32::MAX; RAYS], weights: [[0.0; RAYS]; 3] };
         // A node, and the rays that meet the one above it.
@@ -165,14 +199,14 @@ impl Bvh {
                 continue;
             }
             for k in node.first as usize..(node.first + node.count) as usize {
-                best.test(packet, active, &self.corners[k], self.order[k]);
+                best.test(&packet, active, &self.corners[k], self.order[k]);
             }
         }
-        core::array::from_fn(|i| {
+        Some(core::array::from_fn(|i| {
             let weights = [0, 1, 2].map(|k| best.weights[k][i]);
             let triangle = best.triangles[i];
             (triangle != u32::MAX).then_some(Hit { t: best.limits[i], triangle, weights })
-        })
+        }))
     }
 }
 
@@ -223,8 +257,8 @@ mod tests {
             });
             let alone = directions.map(|direction| bvh.closest(origin, direction, 0.0, f64::INFINITY));
             assert_eq!(bvh.closest_of_packet(origin, &directions), alone, "packet {number}");
-            if let Some(packet) = Packet::new(origin, &directions) {
-                assert_eq!(bvh.walk_packet(&packet), alone, "packet {number} without wide instructions");
+            if let Some(narrow) = bvh.walk_together(origin, &directions) {
+                assert_eq!(narrow, alone, "packet {number} without wide instructions");
                 together += 1;
             }
             met += alone.iter().flatten().count();
