@@ -39,6 +39,11 @@ impl<R> Columns<R> {
         self.column(field).plus_words(number as u64)
     }
 
+    /// Says that nobody reads the columns of `field` again before somebody writes them, see [`Arena::discard`].
+    pub fn discard<T>(self, arena: &mut Arena, field: Field<R, T>) {
+        arena.discard(self.column(field), u64::from(words::<T>()) * u64::from(self.stride));
+    }
+
     /// Words from the start of one column to the start of the next.
     #[inline(always)]
     pub const fn stride(self) -> u32 {

@@ -130,7 +130,7 @@ impl<V: Vpu> View<V> {
             Outline::Disc => segment_by(v, live, u0, u1, angle),
             Outline::Square => square(v, live, u0, u1),
             Outline::Line => line(v, live, u0, u1),
-            Outline::Triangle => panic!("no method sums parts of a triangle: those that do refuse it"),
+            Outline::Triangle => panic!("`sism`, which takes parts of lights, refuses triangles"),
         }
     }
 

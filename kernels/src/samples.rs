@@ -161,7 +161,8 @@ pub fn rotated<V: Vpu>(v: &mut V, [x, y]: Vec2<V>, [cos, sin]: Vec2<V>) -> Vec2<
     [v.vmsub(x, cos, y_sin), v.vmadd(x, sin, y_cos)]
 }
 
-/// Places of `count` samples of a light: each stands for as much of it as any other. On a square their number must be a power of two.
+/// Places of `count` samples of a light: each stands for as much of it as any other. On a square and
+/// a triangle their number must be a power of two.
 pub fn places(outline: Outline, count: u32) -> Vec<DVec2> {
     let even = |i: u32| (2.0 * f64::from(i) + 1.0) / f64::from(count) - 1.0;
     match outline {
@@ -170,16 +171,14 @@ pub fn places(outline: Outline, count: u32) -> Vec<DVec2> {
         Outline::Square => (0..count)
             .map(|i| DVec2::new(even(i), even(i.reverse_bits() >> (32 - count.trailing_zeros()))))
             .collect(),
-        // Half of a square: what is in its other half folded over.
-        Outline::Triangle => places(Outline::Square, count).into_iter().map(folded).collect(),
+        // The half of twice as many on a square that belongs to it. The other half is the same, turned about the middle.
+        Outline::Triangle => places(Outline::Square, 2 * count)
+            .into_iter()
+            .filter(|place| place.x + place.y < 0.0 || place.x + place.y == 0.0 && place.x < 0.0)
+            .map(|place| place + DVec2::splat(TRIANGLE_OFFSET))
+            .collect(),
         Outline::Line => (0..count).map(|i| DVec2::new(even(i), 0.0)).collect(),
     }
-}
-
-/// The place on a triangle of one on a square, about whose middle the half that does not belong to the triangle is folded over.
-fn folded(place: DVec2) -> DVec2 {
-    let place = if place.x + place.y > 0.0 { -place } else { place };
-    place + DVec2::splat(TRIANGLE_OFFSET)
 }
 
 /// Directions that the samples of a light are turned to, from pixel to pixel.
@@ -190,5 +189,31 @@ pub fn turns(outline: Outline) -> Vec<DVec2> {
         Outline::Square => [DVec2::X, DVec2::Y, DVec2::NEG_X, DVec2::NEG_Y].repeat(TURNS as usize / 4),
         // A triangle turns into itself by no turn, and a line by that of its ends, which changes nothing.
         Outline::Triangle | Outline::Line => vec![DVec2::X; TURNS as usize],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_are_as_many_as_asked_for_and_lie_about_the_middle() {
+        for outline in [Outline::Disc, Outline::Square, Outline::Triangle, Outline::Line] {
+            for count in [64, 128, 1024_u32] {
+                let places = places(outline, count);
+                assert_eq!(places.len(), count as usize, "{outline:?}");
+                let mean = places.iter().sum::<DVec2>() / f64::from(count);
+                println!("{outline:?}, {count}: middle off by {mean}");
+                assert!(mean.length() < 1.0 / f64::from(count).sqrt() / 4.0, "{outline:?}, {count}: {mean}");
+                let reach2 = places.iter().map(|place| place.length_squared()).fold(0.0, f64::max);
+                assert!(reach2 < f64::from(outline.reach2()), "{outline:?}, {count}: {reach2}");
+                for (i, a) in places.iter().enumerate() {
+                    assert!(
+                        places[..i].iter().all(|b| a.distance(*b) > 0.1 / f64::from(count)),
+                        "{outline:?}: {a}"
+                    );
+                }
+            }
+        }
     }
 }

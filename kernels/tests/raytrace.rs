@@ -49,9 +49,12 @@ fn under_a_point_it_draws_the_hard_shadow_but_for_ties() {
         let input = under_a_point(&scene, &eye);
         let rays = draw(&Raytrace, "", &input, on()).visibility;
         let hard = draw(&Sism, "", &input, on()).visibility;
-        let off = rays.iter().zip(&hard).filter(|(a, b)| a != b).count();
-        println!("{name}: {off} of {} differ", rays.len());
-        assert!(off * 2000 <= rays.len(), "{name}: {off} of {} differ", rays.len());
+        let off: Vec<usize> = (0..rays.len()).filter(|i| rays[*i] != hard[*i]).collect();
+        println!("{name}: {} of {} differ", off.len(), rays.len());
+        // Ties: their rays pass a border within a ten thousandth of a triangle.
+        let told = off.iter().find(|i| ray_hits(&input, **i, DVec3::ZERO).is_some());
+        assert!(told.is_none(), "{name}: receiver {told:?}, whose ray passes no border");
+        assert!(off.len() * 2000 <= rays.len(), "{name}: {} of {} differ", off.len(), rays.len());
     }
 }
 

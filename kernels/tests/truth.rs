@@ -35,15 +35,12 @@ fn the_small_saloon_is_right_but_for_rounding() {
 fn shadow_rays_agree_on_tiny_for_every_kind_of_light() {
     let (mut scene, eye, _) = shipped("tiny", None);
     let adjacency = Adjacency::new(&scene.mesh);
-    for light in one_of_each_kind(scene.light) {
-        scene.light = light;
-        let truth = shadow_rays(&scene.mesh, &light, &eye, 512);
+    // But for triangles, which the method does not draw.
+    for light in &one_of_each_kind(scene.light)[..4] {
+        scene.light = *light;
+        let truth = shadow_rays(&scene.mesh, light, &eye, 512);
         let input = ShadowInput::new(&scene, &adjacency, &eye);
-        // Parts of a triangle are not summed.
-        let sums = !matches!(light, Light::Triangle { .. });
-        for (overlap, most) in
-            [(Overlap::Sum, 0.03), (Overlap::Bits256, 0.01)].into_iter().skip(usize::from(!sums))
-        {
+        for (overlap, most) in [(Overlap::Sum, 0.03), (Overlap::Bits256, 0.01)] {
             let run = Run::with(&input, overlap, On::Host(HostSimd::detect(), 2));
             let kernels: Vec<f64> = run.visibility().into_iter().map(f64::from).collect();
             let metrics = ErrorMetrics::new(&truth, &kernels);

@@ -15,11 +15,12 @@ use super::bounds;
 use super::faces::Faces;
 use super::nodes::Nodes;
 use super::primitives::LightConstants;
-use super::receivers::Receivers;
+use super::receivers::{Receiver, Receivers};
 use super::streaks::{Histogram, Scatter, Streaks};
 use crate::clear;
 use crate::columns::Columns;
 use crate::expression::scalar;
+use crate::field;
 use crate::scan::{self, Scan};
 
 /// A receiver in its cell. What is needed of a receiver but once stays where it was: every column that is moved to its cells
@@ -70,6 +71,9 @@ impl Grid {
         let scatter = Scatter { receivers, streaks, key_starts, samples };
         // SAFETY: each task writes the offsets of its own streaks; every receiver has a place of its own among the samples.
         runner.run(&unsafe { Step::independent("scatter", receivers.tasks(), scatter) })?;
+        // From here on places are those of the samples.
+        streaks.discard(runner.arena);
+        receivers.columns.discard(runner.arena, field!(Receiver.position));
 
         let nodes = Nodes::build(&faces, key_starts, samples, runner)?;
         Ok(Grid { receivers, faces, key_starts, samples, nodes })

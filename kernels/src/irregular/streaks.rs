@@ -13,6 +13,7 @@ use super::receivers::{Receiver, Receivers};
 use crate::columns::{Columns, lanes_below, task_range};
 use crate::expression::{each, int, scalar};
 use crate::field;
+use crate::record::Field;
 
 /// A run of receivers that have one key.
 #[repr(C)]
@@ -46,6 +47,11 @@ impl Streaks {
             totals: arena.overwritten(u64::from(receivers.tasks())),
             lanes: arena.overwritten(u64::from(receivers.count.div_ceil(16))),
         }
+    }
+
+    /// Says that nobody reads the streaks again.
+    pub(super) fn discard(self, arena: &mut Arena) {
+        self.columns.discard(arena, Field::whole());
     }
 
     /// Number of the first streak of a task.

@@ -173,7 +173,7 @@ impl Method for Sism {
     }
 
     fn objection_to_light(&self, options: &Options, light: &Light) -> Option<String> {
-        let Choices { form, angle, overlap, .. } = Choices::of(options);
+        let Choices { form, angle, .. } = Choices::of(options);
         let shape = light.shape();
         if shape == LightShape::Facing {
             return None;
@@ -185,18 +185,9 @@ impl Method for Sism {
             ));
         }
         if matches!(shape, LightShape::Triangle { .. }) {
-            if overlap.groups().is_none() {
-                return Some(format!(
-                    "`overlap={}` of `sism` sums parts of the light, and has none of a {kind}; it must be `overlap=bits:64` or `bits:256`",
-                    written(options, "overlap")
-                ));
-            }
-            if self.lights(options) > 1 {
-                return Some(format!(
-                    "`lights={}` of `sism` splits the light, and this one is a {kind}; it must be `lights=1`",
-                    self.lights(options)
-                ));
-            }
+            return Some(format!(
+                "`sism` takes parts of spheres, discs, rectangles and lines, and this light is a {kind}; `heidrich`, `sintorn` and `raytrace` draw it"
+            ));
         }
         (angle == Angle::Acos && !matches!(shape, LightShape::Disc { .. })).then(|| {
             format!(

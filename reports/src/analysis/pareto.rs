@@ -5,6 +5,7 @@ use crate::metric::{BIAS, ERROR_PLACES, MEAN_ERROR, title};
 use crate::plot::{Axis, Lines, Look, Plot, Series};
 use crate::sheet::{Cell, Sheet, short, show_value};
 use crate::study::Analysis;
+use crate::table::counted;
 
 pub(super) fn pareto(data: &Data, analysis: &Analysis) -> Finding {
     let (x, y) = (data.x(analysis), data.y(analysis));
@@ -61,13 +62,24 @@ pub(super) fn pareto(data: &Data, analysis: &Analysis) -> Finding {
         (_, None) => "The front: no other point has less of one number and no more of the other.".to_owned(),
     };
     let mut notes = vec![note];
+    let untold = data.rows.iter().filter(|row| {
+        data.number(row, MEAN_ERROR).is_some() && data.number(row, ERROR_PLACES[0].0).is_none()
+    });
+    let untold = untold.count();
+    if y == MEAN_ERROR && untold > 0 {
+        notes.push(format!(
+            "Where pictures are off is not told of {}: an older build has run them. Another `--cache` has them run again.",
+            counted(untold as u64, "point")
+        ));
+    }
     let rivals = grouped(rated.into_iter());
     notes.extend(rivals.iter().filter_map(|(rival, points)| {
         let failing = if y == MEAN_ERROR { failing(data, points) } else { None };
         match (each, failing) {
-            (None, failing) => failing.map(|failing| format!("{rival}: {failing}")),
+            (None, failing) => failing.map(|failing| format!("{rival}: what {failing}")),
             (Some(_), failing) => {
-                let failing = failing.map_or_else(String::new, |failing| format!(" There {failing}"));
+                let of = if points.len() > 1 { "There what" } else { "What" };
+                let failing = failing.map_or_else(String::new, |failing| format!(" {of} {failing}"));
                 Some(summary(data, rival, points, [&x, &y]) + &failing)
             }
         }
@@ -132,7 +144,7 @@ fn failing(data: &Data, points: &[Rated]) -> Option<String> {
         b if b < -0.5 => "mostly too dark",
         _ => "too light here and too dark there",
     };
-    Some(format!("what is off lies {}, {sign} ({}).", shares.join(", "), short(bias)))
+    Some(format!("is off lies {}, {sign} ({}).", shares.join(", "), short(bias)))
 }
 
 /// A point as its rival is judged by it.

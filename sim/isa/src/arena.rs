@@ -51,6 +51,9 @@ pub const POISON: u32 = 0x7fad_dead;
 /// Bytes reserved (not committed) for an arena where the host gives them.
 const RESERVED_BYTES: usize = 64 << 30;
 
+/// No host has larger pages, but for those that it splits.
+const PAGE_BYTES_MAX: u64 = 64 << 10;
+
 /// Bytes of address space below which an arena is refused: less is no use.
 const RESERVED_BYTES_MIN: usize = 64 << 20;
 
@@ -134,7 +137,7 @@ pub struct Line(pub u32);
 #[derive(Debug)]
 pub struct Arena {
     /// Keeps the pages alive; bytes are reached through `base`.
-    _map: memmap2::MmapMut,
+    map: memmap2::MmapMut,
     base: *mut u8,
     reserved_bytes: u64,
     used_bytes: u64,
@@ -196,7 +199,7 @@ impl Arena {
         let _ = map.advise(memmap2::Advice::HugePage);
         let base = map.as_mut_ptr();
         Ok(Arena {
-            _map: map,
+            map,
             base,
             reserved_bytes: bytes as u64,
             used_bytes: FIRST_FREE_BYTE,
@@ -270,6 +273,35 @@ impl Arena {
         assert!((FIRST_FREE_BYTE..=self.used_bytes).contains(&first), "byte {first} was not given out");
         self.used_bytes = first;
     }
+
+    /// Says that nobody reads the `count` words at `addr` again before somebody writes them: the host may have their pages back. Debug
+    /// builds fill them with [`POISON`].
+    pub fn discard(&mut self, addr: Addr, count: u64) {
+        if self.full.is_some() {
+            return;
+        }
+        if let Some(poison) = self.poison {
+            (0..count).for_each(|i| self.write_u32(addr.plus_words(i), poison));
+            return;
+        }
+        // Whole pages of any size that hosts have.
+        let first = addr.0.next_multiple_of(PAGE_BYTES_MAX);
+        let end = (addr.0 + 4 * count) / PAGE_BYTES_MAX * PAGE_BYTES_MAX;
+        assert!(addr.0 + 4 * count <= self.used_bytes, "words behind what was given out");
+        if first < end {
+            self.give_pages_back(first as usize, (end - first) as usize);
+        }
+    }
+
+    #[cfg(target_os = "linux")]
+    #[expect(unsafe_code, reason = "pages whose bytes change to zero are given back to the host")]
+    fn give_pages_back(&mut self, offset: usize, bytes: usize) {
+        // SAFETY: the map is private and anonymous, and no reference to its bytes lives between steps. A host that refuses keeps them.
+        let _ = unsafe { self.map.unchecked_advise_range(memmap2::UncheckedAdvice::DontNeed, offset, bytes) };
+    }
+
+    #[cfg(not(target_os = "linux"))]
+    fn give_pages_back(&mut self, _offset: usize, _bytes: usize) {}
 
     /// Bytes that [`Arena::overwritten`] has given out so far, those of the runtime included.
     #[inline(always)]
@@ -454,6 +486,24 @@ mod tests {
         assert_eq!(arena.read_u32s(of_build, 32), [expected; 32]);
         assert_eq!(arena.read_u32s(of_test, 16), [5; 16]);
         assert!(f32::from_bits(POISON).is_nan());
+    }
+
+    #[test]
+    fn what_is_discarded_takes_nothing_else_with_it() {
+        for poison in [Some(POISON), None] {
+            let mut arena = Arena { poison, ..Arena::new() };
+            let values: Vec<u32> = (0..100_001).collect();
+            let [before, gone, behind] = [0; 3].map(|_| arena.alloc_u32(&values));
+            arena.discard(gone, values.len() as u64);
+            for kept in [before, behind] {
+                assert!(arena.read_u32s(kept, values.len()) == values, "{poison:?}");
+            }
+            if poison.is_some() {
+                assert!(arena.read_u32s(gone, values.len()).iter().all(|word| *word == POISON));
+            }
+            arena.write_u32s(gone, &values);
+            assert!(arena.read_u32s(gone, values.len()) == values, "{poison:?}");
+        }
     }
 
     #[test]

@@ -12,7 +12,7 @@ use crate::mesh::{Mesh, length};
 const SIDE_MAX: u32 = 16384;
 /// Sine of the least angle between view and up.
 const UP_SINE_MIN: f64 = 1e-6;
-/// Sine of the least angle between the sides of a rectangle.
+/// Sine of the least angle between the sides of a rectangle; twice the least area of a triangle, over the square of its longest side.
 const RECT_SINE_MIN: f64 = 1e-3;
 /// Least diagonal of a scene: its cube is still a normal f64.
 const DIAGONAL_MIN: f64 = 1e-100;
@@ -123,14 +123,15 @@ fn light(light: &Light) -> Result<(), SceneError> {
             point("light.p0", p0)?;
             point("light.p1", p1)?;
             point("light.p2", p2)?;
-            let [a, b] = [p1 - p0, p2 - p0];
-            if length(a.cross(b)) > RECT_SINE_MIN * length(a) * length(b) {
+            let sides = [p1 - p0, p2 - p1, p0 - p2];
+            let longest = sides.map(length).into_iter().fold(0.0, f64::max);
+            if length(sides[0].cross(sides[1])) > RECT_SINE_MIN * longest * longest {
                 return Ok(());
             }
             Err(value(
                 "light.p2",
                 p2,
-                "off the line through `light.p0` and `light.p1`; a `linear` light has no width",
+                "far from the line through `light.p0` and `light.p1`, and these apart; a `linear` light has no width",
             ))
         }
         Light::Sphere { center, radius } => {

@@ -62,8 +62,8 @@ impl fmt::Display for SceneWarning {
                 write!(
                     f,
                     "the light is cut by {triangles} triangles, and shadows are right for {CUT_TRIANGLES_MAX}: its radius is \
-                     {radius:.4} and a triangle{of} {distance:.4} from its middle is one of the others; move `light.center` \
-                     or make the light smaller"
+                     {radius:.4} and a triangle{of} {distance:.4} from its middle is one of the others; move the light \
+                     or make it smaller"
                 )
             }
             Self::LightHuge { diagonals } => write!(
@@ -74,7 +74,7 @@ impl fmt::Display for SceneWarning {
             Self::LightEnclosed { object } => write!(
                 f,
                 "the light is inside a closed body{} and the camera is not: all that is seen is dark; move \
-                 `light.center` out of the body",
+                 the light out of the body",
                 named(", ", object)
             ),
         }

@@ -8,8 +8,11 @@ use lrbsim_isa::stream::Stream;
 use std::collections::VecDeque;
 use std::ops::Range;
 
-/// Tasks that are recorded at once, where several host threads do it: a stream has up to about 64 K uops, a few hundred KiB.
+/// Tasks that are recorded at once at most, where several host threads do it: a stream has up to about 64 K uops, a few hundred KiB.
 const RECORDED_AT_ONCE: u32 = 64;
+
+/// Uops that the tasks which are recorded at once are to have together at most, if they are like those before: some 25 MB of streams.
+const RECORDED_UOPS: u64 = 4 << 20;
 
 /// What recorded tasks did.
 #[derive(Debug, Default)]
@@ -62,7 +65,7 @@ impl<'a> StepTasks<'a> {
         if missing > 0 {
             let first = chunk.end - missing;
             // Tasks that depend on one another are recorded one by one, by whoever asks.
-            let many = first.saturating_add(missing.max(RECORDED_AT_ONCE)).min(self.source.tasks());
+            let many = first.saturating_add(missing.max(self.at_once())).min(self.source.tasks());
             if self.source.is_ordered() || !hands.record(self, first..many) {
                 for task in first..chunk.end {
                     let mut stream = self.spare.pop().unwrap_or_default();
@@ -73,6 +76,15 @@ impl<'a> StepTasks<'a> {
         }
         let streams = self.recorded.drain(..chunk.len()).collect();
         (chunk, streams)
+    }
+
+    /// Tasks to be recorded at once.
+    fn at_once(&self) -> u32 {
+        let report = &self.tally.0;
+        let uops: u64 = report.class_counts.iter().sum();
+        // Of the first ones nothing is known.
+        let fitting = RECORDED_UOPS.saturating_mul(report.tasks) / uops.max(1);
+        if report.tasks == 0 { RECORDED_AT_ONCE } else { fitting.clamp(1, RECORDED_AT_ONCE.into()) as u32 }
     }
 
     /// Takes in streams of the tasks behind those recorded so far, in order.
