@@ -102,12 +102,14 @@ pub fn run_frame(request: &RunRequest, progress: &dyn Progress) -> Result<RunOut
     progress.part("eye view");
     let (input, cosine, mut warnings) = on_host_threads(host.threads, || {
         let see = || EyeView::render(&scene.mesh, &scene.camera, scene.image.width, scene.image.height);
-        let (eye, adjacency) = rayon::join(see, || Adjacency::new(&scene.mesh));
+        let (mut eye, adjacency) = rayon::join(see, || Adjacency::new(&scene.mesh));
+        // Of the view, which takes more memory than anything else on the host, little is kept: it is soon had again.
+        let cosine = cosines(scene, &eye);
+        eye.normals = Vec::new();
         progress.part("input");
         let input = ShadowInput::of_lights(scene, request.algorithm.lights(), &adjacency, &eye);
         let warnings = warnings(scene, &adjacency, &eye);
-        // Of the view, which takes more memory than anything else on the host, no more is kept: it is soon had again.
-        (input, cosines(scene, &eye), warnings)
+        (input, cosine, warnings)
     })?;
 
     // The kernels, on the machine.
