@@ -89,6 +89,8 @@ impl<T: TaskSource> TaskSource for Watched<'_, T> {
     }
 
     fn skip(&self, tasks: Range<u32>, counts: &mut OpCounts) {
+        let count = tasks.len() as u32;
         self.inner.skip(tasks, counts);
+        self.progress.skipped(count);
     }
 }

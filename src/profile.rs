@@ -113,6 +113,10 @@ impl Progress for Profiler<'_> {
         self.listener.task(uops);
     }
 
+    fn skipped(&self, tasks: u32) {
+        self.listener.skipped(tasks);
+    }
+
     fn uops(&self, uops: u64) {
         self.begin(BETWEEN_STEPS);
         self.listener.uops(uops);

@@ -27,6 +27,11 @@ pub trait Progress: Sync {
         let _ = uops;
     }
 
+    /// So many tasks ran that were not recorded.
+    fn skipped(&self, tasks: u32) {
+        let _ = tasks;
+    }
+
     /// A step ended that was not watched task by task.
     fn uops(&self, uops: u64) {
         let _ = uops;

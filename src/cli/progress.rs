@@ -81,6 +81,10 @@ impl Progress for Bar {
         }
     }
 
+    fn skipped(&self, tasks: u32) {
+        self.bar.inc(u64::from(tasks));
+    }
+
     fn uops(&self, uops: u64) {
         if !self.watched.load(Relaxed) {
             self.add(uops);

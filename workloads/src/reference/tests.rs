@@ -314,6 +314,15 @@ fn no_triangle_is_lost_between_receiver_and_light() {
                 half_v: DVec3::Z * 0.1,
             }),
         ),
+        // With a right angle, so that only rays near an occluder are tried.
+        (
+            "cornell",
+            Some(Light::Triangle {
+                p0: DVec3::new(-0.3, 1.9, 0.1),
+                p1: DVec3::new(0.4, 1.9, 0.1),
+                p2: DVec3::new(-0.3, 1.9, -0.4),
+            }),
+        ),
         ("table", Some(Light::Sphere { center: DVec3::new(0.3, 1.5, 0.2), radius: 1e-9 })),
         ("table", Some(DISC)),
     ] {
