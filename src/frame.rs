@@ -130,13 +130,13 @@ pub fn run_frame(request: &RunRequest, progress: &dyn Progress) -> Result<RunOut
     let wrong = visibility.iter().find(|visible| !(0.0..=1.0).contains(*visible));
     assert!(wrong.is_none(), "`{}` leaves a visibility of {wrong:?}", request.algorithm);
     let mut frame = Frame::new(scene.image, &input.receiver_pixel, &cosine, visibility);
-    let mut report = report(request, input.receivers.len(), &simulated, &frame, warnings);
+    let receivers = input.receivers.len();
+    let mut report = report(request, receivers, &simulated, &frame, warnings);
     let seconds = watch.elapsed().as_secs_f64();
 
     // How right it is: by the host, untimed.
     let mut reference_cost = None;
     if let Some(asked) = &request.reference {
-        let receivers = input.receivers.len();
         let reference = on_host_threads(host.threads, || asked.run(scene, receivers, progress))??;
         report.image.error = Some(reference.judge(asked.samples, visibility));
         let truth: Vec<f32> = reference.truth.visibility().iter().map(|visible| *visible as f32).collect();

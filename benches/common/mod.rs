@@ -69,8 +69,8 @@ pub struct Meter {
 }
 
 impl Meter {
-    #[cfg(target_os = "linux")]
     /// A clock, with the counter if it counts.
+    #[cfg(target_os = "linux")]
     pub fn new() -> Meter {
         let instructions = perf_event::events::Hardware::INSTRUCTIONS;
         let mut counter = perf_event::Builder::new(instructions).build().ok();
@@ -83,8 +83,8 @@ impl Meter {
         Meter { counter: counter.filter(|_| counts) }
     }
 
-    #[cfg(not(target_os = "linux"))]
     /// A clock, with the counter if it counts.
+    #[cfg(not(target_os = "linux"))]
     pub fn new() -> Meter {
         Meter {}
     }

@@ -7,7 +7,7 @@ use std::str::FromStr;
 use clap::Args;
 use lrbsim::choices;
 use lrbsim::profile::{self, Profiler};
-use lrbsim::progress::Progress as _;
+use lrbsim::progress::Progress;
 use lrbsim::reference::{DEFAULT_CACHE, parse_samples};
 use lrbsim::written::replaced_run;
 use lrbsim::{
@@ -120,7 +120,8 @@ pub(crate) fn run(args: &RunArgs, out: &mut impl Write) -> Result<(), Failure> {
     let samples = args.reference.as_deref().map(parse_samples).transpose()?;
     let size = args.size.as_deref().map(parse_size).transpose()?;
     let bar = Bar::new(std::io::stderr().is_terminal());
-    let profiler = Profiler::new("scene", &bar);
+    let profiler = args.profile.then(|| Profiler::new("scene", &bar));
+    let progress: &dyn Progress = profiler.as_ref().map_or(&bar, |profiler| profiler);
     bar.note("loading");
     let name = inputs::scene_name(&args.scene)?;
     let mut scene = inputs::scene_with(&name, &[])?;
@@ -151,13 +152,13 @@ pub(crate) fn run(args: &RunArgs, out: &mut impl Write) -> Result<(), Failure> {
     if let Some(frames) = args.frames {
         return run_moving(&request, frames, (&target, dir), &bar, args.json, out);
     }
-    let output = run_frame(&request, &profiler)?;
-    profiler.part("output");
+    let output = run_frame(&request, progress)?;
+    progress.part("output");
     bar.finish();
 
     let replaced = replaced_run(&target, &output.report);
     let paths = results::write(dir, &output, &request.scene, args.dump)?;
-    let stages = profiler.finish();
+    let stages = profiler.map(Profiler::finish);
     if args.json {
         out.write_all(output.report.to_json().as_bytes())?;
         return Ok(());
@@ -169,7 +170,7 @@ pub(crate) fn run(args: &RunArgs, out: &mut impl Write) -> Result<(), Failure> {
         output.host.seconds,
         output.host.simulated_instructions_per_second / 1e6
     )?;
-    if args.profile {
+    if let Some(stages) = stages {
         writeln!(out, "\n{}", profile::sheet(&stages).terminal())?;
     }
     if let (Some(seconds), Some(found)) = (output.host.reference_seconds, output.host.reference_found) {
