@@ -101,8 +101,7 @@ pub fn run_frame(request: &RunRequest, progress: &dyn Progress) -> Result<RunOut
     // What the eye sees: on the host, untimed, as in the paper.
     progress.part("eye view");
     let (input, cosine, mut warnings) = on_host_threads(host.threads, || {
-        let see = || EyeView::render(&scene.mesh, &scene.camera, scene.image.width, scene.image.height);
-        let (mut eye, adjacency) = rayon::join(see, || Adjacency::new(&scene.mesh));
+        let (mut eye, adjacency) = rayon::join(|| view(scene), || Adjacency::new(&scene.mesh));
         // Of the view, which takes more memory than anything else on the host, little is kept: it is soon had again.
         let cosine = cosines(scene, &eye);
         eye.normals = Vec::new();
@@ -339,6 +338,11 @@ impl Frame {
         }
         of_pixels
     }
+}
+
+/// What the camera of a scene sees.
+pub(crate) fn view(scene: &Scene) -> EyeView {
+    EyeView::render(&scene.mesh, &scene.camera, scene.image.width, scene.image.height)
 }
 
 /// Cosine between the normal and the direction to the light's center at each receiver.

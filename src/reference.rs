@@ -12,12 +12,12 @@ use lrbsim_reports::files::write_with_temporary;
 use lrbsim_reports::lock::Lock;
 use lrbsim_reports::picture::sha256;
 use lrbsim_reports::run::{ErrorPlaces, ImageError};
+use lrbsim_workloads::Scene;
 use lrbsim_workloads::reference::{ErrorMetrics, Truth};
-use lrbsim_workloads::{EyeView, Scene};
 use serde::{Deserialize, Serialize};
 
 use crate::error::BadInput;
-use crate::frame::scene_hash;
+use crate::frame::{scene_hash, view};
 use crate::host::{Stopwatch, partial};
 use crate::progress::Progress;
 
@@ -155,7 +155,7 @@ impl ReferenceRequest {
 
     fn cast(&self, scene: &Scene, progress: &dyn Progress) -> Reference {
         let watch = Stopwatch::start();
-        let eye = EyeView::render(&scene.mesh, &scene.camera, scene.image.width, scene.image.height);
+        let eye = view(scene);
         progress.counted("reference", u32::try_from(Truth::parts(eye.points.len())).unwrap_or(u32::MAX));
         let truth = Truth::new(&scene.mesh, &scene.light, &eye, self.samples, &|| progress.one_done());
         Reference { truth, seconds: watch.elapsed().as_secs_f64(), found: false }
@@ -229,10 +229,6 @@ mod tests {
         let mut scene = crate::inputs::scene("tiny").expect("shipped");
         crate::inputs::resize(&mut scene, 32, 24).expect("a sound size");
         scene
-    }
-
-    fn view(scene: &Scene) -> EyeView {
-        EyeView::render(&scene.mesh, &scene.camera, scene.image.width, scene.image.height)
     }
 
     #[test]

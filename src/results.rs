@@ -10,7 +10,7 @@ use lrbsim_workloads::{EyeView, Scene, light_json, mesh_obj};
 
 use crate::algorithm::Algorithm;
 use crate::error::BadInput;
-use crate::frame::{RunOutput, on_host_threads};
+use crate::frame::{RunOutput, on_host_threads, view};
 
 /// The files that every run writes.
 const FILES: [&str; 4] = ["image.png", "visibility.png", "host.json", "report.json"];
@@ -88,8 +88,7 @@ pub fn stage(dir: &mut ResultDir, output: &RunOutput, scene: &Scene, dump: bool)
     if dump {
         let shape = [height as usize, width as usize];
         let vectors = [shape[0], shape[1], 3];
-        let see = || EyeView::render(&scene.mesh, &scene.camera, width, height);
-        let eye = on_host_threads(output.host.host_threads as usize, see)?;
+        let eye = on_host_threads(output.host.host_threads as usize, || view(scene))?;
         let points = eye.points.iter().map(|point| point.as_vec3());
         dir.stage("receivers.npy", &npy::f32_array(&vectors, &spread(&eye, points)))?;
         dir.stage("normals.npy", &npy::f32_array(&vectors, &spread(&eye, eye.normals.iter().copied())))?;

@@ -10,7 +10,7 @@ use lrbsim_workloads::{Adjacency, EyeView, Scene, ShadowInput};
 
 use crate::algorithm::Algorithm;
 use crate::error::BadInput;
-use crate::frame::{Frame, HostOptions, cosines};
+use crate::frame::{Frame, HostOptions, cosines, view};
 use crate::made::{draw, number};
 
 /// Shadow rays of a receiver.
@@ -39,7 +39,7 @@ pub(super) fn judge(
     sums: &Algorithm,
     host: HostOptions,
 ) -> Result<Measured, BadInput> {
-    let eye = EyeView::render(&scene.mesh, &scene.camera, scene.image.width, scene.image.height);
+    let eye = view(scene);
     let adjacency = Adjacency::new(&scene.mesh);
     let input = ShadowInput::new(scene, &adjacency, &eye);
     let drawn = draw(algorithm, &input, host)?.visibility;
