@@ -13,8 +13,8 @@ const TOLERANCE: f64 = 0.03;
 const SHARE: f64 = 0.05;
 
 fn windowed_agrees_with_cycle(scene: &str) {
-    let windowed = run(&request(scene)).report;
-    let cycle = run(&RunRequest { fidelity: Fidelity::Cycle, ..request(scene) }).report;
+    let exactly = RunRequest { fidelity: Fidelity::Cycle, ..request(scene) };
+    let (windowed, cycle) = rayon::join(|| run(&request(scene)).report, || run(&exactly).report);
     assert_eq!(windowed.image.sha256, cycle.image.sha256);
     let mut compared = 0;
     for (fast, exact) in windowed.phases.iter().zip(&cycle.phases) {

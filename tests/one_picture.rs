@@ -117,14 +117,17 @@ fn every_fidelity_runs_the_same_instructions() {
     };
     let windowed = counts(Fidelity::Windowed);
     assert_eq!(windowed, counts(Fidelity::Cycle));
-    // Untimed runs need no registers: they have no spills, and of samples these are extrapolated.
-    let [sampled, untimed] = [Fidelity::ALL[1], Fidelity::Functional].map(counts);
-    for (timed, (sampled, untimed)) in windowed.into_iter().zip(sampled.into_iter().zip(untimed)) {
-        let apart = |of: &Instructions| of.total - of.spill;
-        let all =
-            [&timed, &sampled, &untimed].map(|(id, tasks, instructions, _)| (id, tasks, apart(instructions)));
-        assert_eq!([all[1], all[2]], [all[0]; 2]);
-        let spills = [&timed, &sampled].map(|(_, _, instructions, _)| instructions.spill as f64);
-        assert!((spills[0] - spills[1]).abs() <= 0.2 * spills[0], "{spills:?}");
+    // Untimed runs need no registers: they have no spills, and of a part of the tasks these are extrapolated.
+    let in_part = |fidelity: &Fidelity| matches!(fidelity, Fidelity::Sampled(_) | Fidelity::Roofline);
+    let levels = Fidelity::ALL.into_iter().filter(|level| in_part(level) || !level.is_timed());
+    for level in levels {
+        for (timed, found) in windowed.iter().zip(counts(level)) {
+            let apart = |of: &Instructions| of.total - of.spill;
+            let all = [timed, &found].map(|(id, tasks, instructions, _)| (id, tasks, apart(instructions)));
+            assert_eq!(all[0], all[1], "{level}");
+            let spills = [timed, &found].map(|(_, _, instructions, _)| instructions.spill as f64);
+            let is_close = (spills[0] - spills[1]).abs() <= 0.2 * spills[0];
+            assert!(is_close || !in_part(&level), "{level}: {spills:?}");
+        }
     }
 }

@@ -325,6 +325,11 @@ fn bad_studies_are_refused_with_place_and_remedy() {
         "\"exclude\": [{\"core\": 1}], \"analysis\"",
         &["`core`, which is no axis", "axes: cores"],
     );
+    refused(
+        "\"analysis\"",
+        "\"exclude\": [{\"cores\": [1, 3]}], \"analysis\"",
+        &["`exclude[0]` names 3, which is no value of the axis `cores`", "small.json:8:"],
+    );
 }
 
 #[test]

@@ -8,11 +8,11 @@ use lrbsim::validate::{Targets, ValidateRequest, model_error, validate};
 use lrbsim_machine::Fidelity;
 use lrbsim_reports::validation::Validation;
 
-/// The rows that have to be met.
-fn must_pass(fidelity: Fidelity) -> Validation {
+/// The rows that have to be met, but for `without`.
+fn must_pass(fidelity: Fidelity, without: &str) -> Validation {
     let mut targets = Targets::shipped();
     let wanted = targets.must_pass.clone();
-    targets.targets.retain(|target| wanted.contains(&target.id));
+    targets.targets.retain(|target| wanted.contains(&target.id) && target.id != without);
     let machine = Machine::load("knc-5110p", &[]).expect("shipped");
     validate(&ValidateRequest { machine, targets, only: None, fidelity }).expect("sound")
 }
@@ -21,20 +21,26 @@ fn must_pass(fidelity: Fidelity) -> Validation {
 /// direction on the chip than here, at both levels. See docs/deviations.md.
 const MISSED: (&str, f64) = ("bw.mem.write.t060", 30.0);
 
+/// The row that takes as long at `cycle` as all others together; `bw.mem` has the same reads and writes.
+const LONG: &str = "stream.tuned.triad";
+
 #[test]
 fn rows_that_have_to_be_met_are_met_but_one_and_windowed_is_within_4_percent_of_cycle() {
-    let (windowed, cycle) = (must_pass(Fidelity::Windowed), must_pass(Fidelity::Cycle));
-    assert_eq!(windowed.rows.len(), 30);
-    for (fast, exact) in windowed.rows.iter().zip(&cycle.rows) {
-        let (Some(a), Some(b)) = (fast.simulated, exact.simulated) else {
-            panic!("`{}` is not expressed", fast.id)
-        };
+    let (windowed, cycle) = (must_pass(Fidelity::Windowed, ""), must_pass(Fidelity::Cycle, LONG));
+    assert_eq!((windowed.rows.len(), cycle.rows.len()), (30, 29));
+    for exact in &cycle.rows {
+        let fast = windowed.rows.iter().find(|fast| fast.id == exact.id).expect("the same rows");
+        let (a, b) = (fast.simulated.expect("expressed"), exact.simulated.expect("expressed"));
         let apart = (a / b - 1.0) * 100.0;
-        println!("{}: published {} windowed {a:.3} cycle {b:.3} ({apart:+.1} %)", fast.id, fast.published);
+        println!("{}: windowed {a:.3} cycle {b:.3} ({apart:+.1} %)", fast.id);
+        assert!(apart.abs() <= 4.0, "{}: windowed {a}, cycle {b}", fast.id);
+    }
+    for fast in &windowed.rows {
+        let found = fast.simulated.expect("expressed");
+        println!("{}: published {} windowed {found:.3}", fast.id, fast.published);
         let error = fast.error_percent.expect("expressed").abs();
         let is_met = if fast.id == MISSED.0 { !fast.ok && error <= MISSED.1 } else { fast.ok };
-        assert!(is_met, "{}: {a} for {} to {}", fast.id, fast.low, fast.high);
-        assert!(apart.abs() <= 4.0, "{}: windowed {a}, cycle {b}", fast.id);
+        assert!(is_met, "{}: {found} for {} to {}", fast.id, fast.low, fast.high);
     }
 }
 

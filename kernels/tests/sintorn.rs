@@ -90,11 +90,11 @@ fn under_a_point_it_draws_the_hard_shadow_but_for_ties() {
 
 #[test]
 fn its_error_is_that_of_its_samples() {
-    let (mut scene, eye, _) = shipped("saloon-small", Some((80, 60)));
+    let (mut scene, eye, _) = shipped("saloon-small", Some((64, 48)));
     let adjacency = Adjacency::new(&scene.mesh);
     // A light so large that silhouettes of its middle say little.
     scene.light = Light::Sphere { center: scene.light.center(), radius: 5.0 * scene.light.radius() };
-    let truth = Truth::new(&scene.mesh, &scene.light, &eye, 4096, &|| ()).visibility();
+    let truth = Truth::new(&scene.mesh, &scene.light, &eye, 2048, &|| ()).visibility();
     let input = ShadowInput::new(&scene, &adjacency, &eye);
     let errors = ["64", "256", "1024"].map(|samples| {
         let ours = draw(&Sintorn, &format!("samples={samples}"), &input, on()).visibility;

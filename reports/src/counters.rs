@@ -56,6 +56,7 @@ fn phase_report(costs: &PhaseCosts, clock: Option<Clock>, frame_cycles: u64) -> 
         paired_core_cycles: clock.map(|_| counters.paired),
         core_busy_cycles: costs.core_busy_cycles.clone(),
         cycle_stack: clock.map(|_| counters.cycle_stack),
+        bounds: clock.and(Some(counters.bounds)).filter(|bounds| bounds.greatest().is_some()),
         l1d: clock.map(|_| counters.l1d),
         l2: clock.map(|_| counters.l2),
         ring: clock.map(|_| counters.ring),

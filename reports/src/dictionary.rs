@@ -17,10 +17,11 @@ pub struct Entry {
 }
 
 /// Units by the last name of a path; the first that fits. `*` stands for anything.
-const UNITS: [(&str, &str); 39] = [
+const UNITS: [(&str, &str); 40] = [
     ("*_percent", "%"),
     ("*_overhead", "1"),
     ("*cycle_stack.*", "core-cycles"),
+    ("*bounds.*", "cycles"),
     ("*core_busy_cycles[]", "cycles"),
     ("*paired_core_cycles", "core-cycles"),
     ("*instructions.*", "instructions"),

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use lrbsim_machine::MachineConfig;
 use lrbsim_machine::counters::{
-    AtomicCounters, CacheCounters, CycleStack, DirectoryCounters, MemoryCounters, RingCounters,
+    AtomicCounters, Bounds, CacheCounters, CycleStack, DirectoryCounters, MemoryCounters, RingCounters,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -146,6 +146,10 @@ pub struct PhaseReport {
     pub core_busy_cycles: Option<Vec<u64>>,
     /// Core-cycles by what they were spent on; they add up to `cycles` times the number of cores.
     pub cycle_stack: Option<CycleStack>,
+    /// What each limit of the machine alone would take, where the time was estimated from them (`roofline`); not there where it was
+    /// simulated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bounds: Option<Bounds>,
     /// First-level data caches of all cores.
     pub l1d: Option<CacheCounters>,
     /// Second-level caches of all cores.

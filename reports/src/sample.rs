@@ -43,6 +43,7 @@ fn phase(id: &str, title: &str, in_paper_total: bool, cycles: u64) -> PhaseRepor
             dependency: cycles * 5,
             ..CycleStack::default()
         }),
+        bounds: None,
         l1d: Some(CacheCounters { accesses: 1000, hits: 905, misses: 95, ..CacheCounters::default() }),
         l2: Some(CacheCounters {
             accesses: 95,

@@ -29,7 +29,7 @@ pub struct StudyFile {
     /// Which combinations of the axes are run.
     #[serde(default)]
     pub sampling: Sampling,
-    /// Points that are left out: those that agree with all values of one of these.
+    /// Points that are left out: those that agree with one of these in every axis that it names, by one value or a list of values.
     #[serde(default)]
     pub exclude: Vec<BTreeMap<String, Value>>,
     /// The number that is asked for: a path in the report, such as `total.ms` or `phases.soft.cycles`.

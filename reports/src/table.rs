@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use lrbsim_machine::Cause;
+use lrbsim_machine::{Bounds, Cause};
 
 use crate::run::{ImageError, PhaseReport, RunReport, are_of_paper, hit_rate};
 
@@ -22,7 +22,8 @@ pub fn render(report: &RunReport) -> String {
     text.push('\n');
 
     let timed = report.total.cycles.is_some();
-    let mut rows = vec![header(timed)];
+    let is_estimated = report.phases.iter().any(|phase| phase.bounds.is_some());
+    let mut rows = vec![header(timed, is_estimated)];
     rows.extend(report.phases.iter().map(|phase| row(phase, timed, are_of_paper(&report.phases))));
     let phase_rows = rows.len();
     rows.extend(totals(report, timed));
@@ -33,6 +34,11 @@ pub fn render(report: &RunReport) -> String {
     }
     if !timed {
         text.push_str("\nfunctional: nothing is timed\n");
+    }
+    if is_estimated {
+        text.push_str(
+            "\nroofline: times are estimates, from what limits each step; limits in percent of them\n",
+        );
     }
     if let Some(error) = &report.image.error {
         let _ = write!(text, "\n{}\n", error_line(error));
@@ -82,9 +88,10 @@ fn heading(text: &mut String, report: &RunReport) {
 
 type Row = Vec<String>;
 
-fn header(timed: bool) -> Row {
+fn header(timed: bool, is_estimated: bool) -> Row {
     let titles: &[&str] = if timed {
-        &["phase", "ms", "share", "Minstr", "IPC", "lanes", "L1", "L2", "waits for"]
+        let last = if is_estimated { "limited by" } else { "waits for" };
+        &["phase", "ms", "share", "Minstr", "IPC", "lanes", "L1", "L2", last]
     } else {
         &["phase", "Minstr", "lanes"]
     };
@@ -107,8 +114,23 @@ fn row(phase: &PhaseReport, timed: bool, is_of_paper: bool) -> Row {
         lanes,
         percent(phase.l1d.as_ref().and_then(hit_rate)),
         percent(phase.l2.as_ref().and_then(hit_rate)),
-        waits(phase),
+        phase.bounds.map_or_else(|| waits(phase), |bounds| limits(&bounds, phase.cycles)),
     ]
+}
+
+/// The greatest limits, in percent of the time of the phase.
+fn limits(bounds: &Bounds, cycles: Option<u64>) -> String {
+    let mut named = bounds.named();
+    // Equal ones stay in the order of the fields.
+    named.sort_by_key(|(_, bound)| std::cmp::Reverse(*bound));
+    let all = cycles.unwrap_or(0).max(1) as f64;
+    let named: Vec<String> = named[..CAUSES_MAX]
+        .iter()
+        .map(|(name, bound)| (name, *bound as f64 / all))
+        .filter(|(_, part)| *part >= CAUSE_PART_MIN)
+        .map(|(name, part)| format!("{name} {:.0}%", part * 100.0))
+        .collect();
+    if named.is_empty() { "-".to_owned() } else { named.join(", ") }
 }
 
 /// Milliseconds, and how far they may be off where they were extrapolated: `1.234 ± 0.050`.

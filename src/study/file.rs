@@ -6,6 +6,7 @@ use lrbsim_kernels::method::METHODS;
 use lrbsim_machine::Fidelity;
 use lrbsim_reports::dictionary;
 use lrbsim_reports::study::{AnalysisKind, Draw, Sampling, StudyAxis, StudyFile};
+use serde_json::Value;
 
 use super::points::{self, Point};
 use super::recipe::{Fault, Recipe, Refusal};
@@ -125,6 +126,22 @@ impl Study {
                 let bad = BadInput::new(format!("`exclude[{index}]` names `{path}`, which is no axis"))
                     .with_help(format!("axes: {}", axes.join(", ")));
                 return Err(at(bad, &format!("exclude[{index}]"), "this exclusion"));
+            }
+            // What no point can have leaves nothing out: a slip of the pen. Of one at a time, the base has values too.
+            let listed = |path: &str, value: &Value| {
+                file.sampling == Sampling::OneAtATime
+                    || file.axes.iter().filter(|axis| axis.path == path).any(|axis| {
+                        axis.values.is_empty() || axis.values.iter().any(|other| points::same(other, value))
+                    })
+            };
+            for (path, named) in excluded {
+                let named = points::named(named);
+                if let Some(value) = named.iter().find(|value| !listed(path, value)) {
+                    let bad = BadInput::new(format!(
+                        "`exclude[{index}]` names {value}, which is no value of the axis `{path}`"
+                    ));
+                    return Err(at(bad, &format!("exclude[{index}].{path}"), "no such value"));
+                }
             }
         }
         check_numbers(&file, &at)?;

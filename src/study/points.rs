@@ -56,7 +56,7 @@ pub fn expand(file: &StudyFile, base: &Recipe, whole: &[bool]) -> Result<Vec<Poi
                 file.axes
                     .iter()
                     .position(|axis| axis.path == *path)
-                    .is_some_and(|axis| same(&point[axis], value))
+                    .is_some_and(|axis| named(value).iter().any(|value| same(&point[axis], value)))
             })
         })
     };
@@ -64,6 +64,11 @@ pub fn expand(file: &StudyFile, base: &Recipe, whole: &[bool]) -> Result<Vec<Poi
     let mut kept: Vec<Point> = all;
     kept.retain(|point| !excluded(point) && seen.insert(Value::from(point.clone()).to_string()));
     Ok(kept)
+}
+
+/// The values that an exclusion names for an axis: those of a list, or the one that stands alone.
+pub fn named(value: &Value) -> &[Value] {
+    value.as_array().map_or(std::slice::from_ref(value), Vec::as_slice)
 }
 
 /// 24 and 24.0 are one value.
@@ -196,6 +201,10 @@ mod tests {
         assert_eq!(
             Value::from(points(two_axes(json!("grid"), json!([{"cores": 24}, {"l2.ways": 4}])))),
             json!([[1, 8]])
+        );
+        assert_eq!(
+            Value::from(points(two_axes(json!("grid"), json!([{"cores": [24], "l2.ways": [4, 8.0]}])))),
+            json!([[1, 8], [1, 4]])
         );
     }
 

@@ -153,6 +153,7 @@ impl<'a> Work<'a> {
         };
         let level = match fidelity {
             Fidelity::Functional => 0.1,
+            Fidelity::Roofline => 0.12,
             Fidelity::Sampled(_) => 0.15,
             Fidelity::Windowed => 1.0,
             Fidelity::Cycle => 8.0,

@@ -49,7 +49,12 @@ impl Bars {
             canvas.line(&[(place(value), top), (place(value), bottom)], GRID, 1.0, false);
             canvas.words(&label, (place(value), bottom + 16.0), Anchor::Middle, 0.9);
         }
-        canvas.words(&self.label, (right, f64::from(SIZE.1) - 18.0), Anchor::Right, 1.0);
+        let foot = f64::from(SIZE.1) - 18.0;
+        canvas.words(&self.label, (right, foot), Anchor::Right, 1.0);
+        if bars.len() < self.bars.len() {
+            let shown = format!("the first {} of {}", bars.len(), self.bars.len());
+            canvas.words(&shown, (20.0, foot), Anchor::Left, 0.9);
+        }
 
         let height = (bottom - top) / bars.len().max(4) as f64;
         for (row, bar) in bars.iter().enumerate() {

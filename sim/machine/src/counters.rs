@@ -1,6 +1,7 @@
 //! What a step leaves to report: integers only, which add up; ratios are derived when they are shown.
 
 use lrbsim_isa::OpCounts;
+use lrbsim_isa::stream::Stream;
 use lrbsim_isa::uop::Class;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -280,6 +281,53 @@ counters! {
     }
 }
 
+counters! {
+    /// What each limit of the machine alone would take of a step, in cycles; of a phase the sums over its steps. All are 0 where the
+    /// time was simulated.
+    Bounds {
+        /// Issue slots of the cores.
+        issue,
+        /// Chains of results that wait for one another, and of accesses, in the threads that there are.
+        chains,
+        /// Ports of the L1 data caches, and the rate of gathers.
+        l1,
+        /// Misses that may be outstanding at once.
+        l2,
+        /// Links of the rings, and slices of the directory.
+        ring,
+        /// Channels of the memory controllers.
+        memory,
+        /// The line that most locked operations want, and the task counter.
+        atomics,
+        /// First tasks, and the barrier at the end of steps.
+        barrier,
+    }
+}
+
+impl Bounds {
+    /// The limits by name, in the order of the fields.
+    pub fn named(&self) -> [(&'static str, u64); 8] {
+        let Bounds { issue, chains, l1, l2, ring, memory, atomics, barrier } = *self;
+        [
+            ("issue", issue),
+            ("chains", chains),
+            ("l1", l1),
+            ("l2", l2),
+            ("ring", ring),
+            ("memory", memory),
+            ("atomics", atomics),
+            ("barrier", barrier),
+        ]
+    }
+
+    /// The name of the greatest limit; `None` where there is none.
+    pub fn greatest(&self) -> Option<&'static str> {
+        // Of equals the first.
+        let named = self.named().into_iter().rev().max_by_key(|(_, cycles)| *cycles)?;
+        (named.1 > 0).then_some(named.0)
+    }
+}
+
 /// Standard deviations on either side of a mean that hold 95 % of a normal distribution.
 pub const NORMAL_95: f64 = 1.96;
 
@@ -321,6 +369,9 @@ pub struct StepReport {
     pub memory: MemoryCounters,
     /// Locked operations.
     pub atomics: AtomicCounters,
+    /// What each limit alone would take, where the time was estimated from them.
+    #[serde(default)]
+    pub bounds: Bounds,
 }
 
 /// The sum of the reports of a phase's steps.
@@ -346,6 +397,7 @@ impl Default for StepReport {
             directory: DirectoryCounters::default(),
             memory: MemoryCounters::default(),
             atomics: AtomicCounters::default(),
+            bounds: Bounds::default(),
         }
     }
 }
@@ -361,6 +413,19 @@ impl StepReport {
             class_counts: counts.class_counts,
             ..StepReport::default()
         }
+    }
+}
+
+impl StepReport {
+    /// Counts a task that was recorded, and does not say that its uops have issued.
+    pub(crate) fn count_task(&mut self, stream: &Stream) {
+        self.tasks += 1;
+        for (sum, count) in self.class_counts.iter_mut().zip(stream.count_classes()) {
+            *sum += count;
+        }
+        self.lanes_active += stream.lanes_active;
+        self.lanes_masked += stream.lanes_masked;
+        self.live_vectors_max = self.live_vectors_max.max(u64::from(stream.live_vectors_max));
     }
 }
 
@@ -385,6 +450,7 @@ impl AddAssign<&StepReport> for StepReport {
         self.directory += other.directory;
         self.memory += other.memory;
         self.atomics += other.atomics;
+        self.bounds += other.bounds;
     }
 }
 

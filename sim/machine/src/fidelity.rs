@@ -2,6 +2,7 @@
 
 use crate::chip::Chip;
 use crate::config::MachineSpec;
+use crate::roofline::Roofline;
 use crate::sampled::{Sampled, Sampling};
 use crate::timing::{Timing, Untimed};
 use lrbsim_isa::options::{self, ChoiceError, Entry, OptionSpec, Options, Values};
@@ -13,6 +14,8 @@ use std::str::FromStr;
 pub enum Fidelity {
     /// Counts uops, lanes and tasks; no time.
     Functional,
+    /// Counts all uops, reads a part of the tasks, and takes each step for what limits it most; microseconds a machine.
+    Roofline,
     /// Some chunks of the tasks of each step as at [`Fidelity::Windowed`], all others run and counted; times are extrapolated.
     Sampled(Sampling),
     /// All uops; each core alone for a window, then what all of them asked for, each transaction timed whole.
@@ -42,13 +45,21 @@ const SAMPLING: &[OptionSpec] = &[
 
 impl Fidelity {
     /// All levels, from the fastest to the most exact; those that take options with the defaults.
-    pub const ALL: [Fidelity; 4] =
-        [Fidelity::Functional, Fidelity::Sampled(Sampling::DEFAULT), Fidelity::Windowed, Fidelity::Cycle];
+    pub const ALL: [Fidelity; 5] = [
+        Fidelity::Functional,
+        Fidelity::Roofline,
+        Fidelity::Sampled(Sampling::DEFAULT),
+        Fidelity::Windowed,
+        Fidelity::Cycle,
+    ];
 
     /// What users choose this level by: its name, and the options that it takes.
     pub fn entry(self) -> Entry {
         let (name, about) = match self {
             Fidelity::Functional => ("functional", "picture and operation counts, no time"),
+            Fidelity::Roofline => {
+                ("roofline", "what limits each step most, from counts: to rank machines by")
+            }
             Fidelity::Sampled(_) => {
                 ("sampled", "some tasks as `windowed`, times extrapolated, with an interval")
             }
@@ -59,7 +70,7 @@ impl Fidelity {
         };
         let options = match self {
             Fidelity::Sampled(_) => SAMPLING,
-            Fidelity::Functional | Fidelity::Windowed | Fidelity::Cycle => &[],
+            Fidelity::Functional | Fidelity::Roofline | Fidelity::Windowed | Fidelity::Cycle => &[],
         };
         Entry { name, about, options }
     }
@@ -71,7 +82,7 @@ impl Fidelity {
                 error_percent: options.whole("error"),
                 seed: options.whole("seed"),
             }),
-            Fidelity::Functional | Fidelity::Windowed | Fidelity::Cycle => self,
+            Fidelity::Functional | Fidelity::Roofline | Fidelity::Windowed | Fidelity::Cycle => self,
         }
     }
 
@@ -85,6 +96,7 @@ impl Fidelity {
     pub fn timing(self, spec: &MachineSpec, host_threads: usize) -> Box<dyn Timing> {
         match self {
             Fidelity::Functional => Box::new(Untimed::new(host_threads)),
+            Fidelity::Roofline => Box::new(Roofline::new(spec, host_threads)),
             Fidelity::Sampled(sampling) => Box::new(Sampled::new(spec, sampling, host_threads)),
             Fidelity::Windowed | Fidelity::Cycle => Box::new(Chip::new(spec, self, host_threads)),
         }
@@ -111,7 +123,7 @@ impl fmt::Display for Fidelity {
                 let options = entry.options(&format!("error={error_percent},seed={seed}"));
                 write!(f, ":{}", options.map_err(|_| fmt::Error)?)
             }
-            Fidelity::Functional | Fidelity::Windowed | Fidelity::Cycle => Ok(()),
+            Fidelity::Functional | Fidelity::Roofline | Fidelity::Windowed | Fidelity::Cycle => Ok(()),
         }
     }
 }
@@ -137,7 +149,7 @@ mod tests {
         let error = "exact".parse::<Fidelity>().expect_err("no level");
         assert_eq!(
             error.to_string(),
-            "`exact` is no fidelity; it must be `functional`, `sampled`, `windowed` or `cycle`"
+            "`exact` is no fidelity; it must be `functional`, `roofline`, `sampled`, `windowed` or `cycle`"
         );
     }
 }

@@ -26,6 +26,7 @@ pub mod observer;
 mod occupancy;
 mod pages;
 mod ring;
+mod roofline;
 mod sampled;
 mod scheduler;
 pub mod timing;
@@ -38,7 +39,7 @@ mod streams;
 
 pub use chip::{Chip, CoreActivity, Stuck};
 pub use config::{ConfigError, MachineConfig, MachineSpec, builtin_machine, builtin_machine_names};
-pub use counters::{Cause, CycleStack, PhaseCounters, StepReport};
+pub use counters::{Bounds, Cause, CycleStack, PhaseCounters, StepReport};
 pub use fidelity::Fidelity;
 pub use observer::Observer;
 pub use sampled::Sampling;

@@ -79,4 +79,9 @@ impl Span {
     pub(crate) const fn bits(self) -> u64 {
         self.0
     }
+
+    #[inline(always)]
+    pub(crate) const fn cycles(self) -> Cycle {
+        When(self.0).at()
+    }
 }

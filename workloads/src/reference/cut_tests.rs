@@ -57,7 +57,7 @@ impl Parts {
 fn around(outside: impl Fn(DVec3) -> bool) -> Vec<DVec3> {
     let golden = DVec3::new(0.819_172_513_396_164_4, 0.671_043_606_703_789_2, 0.549_700_477_901_970_2);
     let point = |k: u32| (golden * f64::from(k) + 0.37).fract() * DVec3::new(4.0, 3.0, 4.0);
-    (0..2500).map(|k| point(k) - DVec3::new(2.0, -0.0137, 2.0)).filter(|p| outside(*p)).collect()
+    (0..1000).map(|k| point(k) - DVec3::new(2.0, -0.0137, 2.0)).filter(|p| outside(*p)).collect()
 }
 
 /// Brute force beside 1024 rays: mean and greatest error over all receivers, and the mean error of the rays themselves.

@@ -22,14 +22,7 @@ impl Tally {
     /// Records `task` of `source` in `stream` and counts what it did.
     pub(super) fn record(&mut self, source: &dyn TaskSource, task: u32, stream: &mut Stream) {
         source.record(task, stream);
-        let report = &mut self.0;
-        report.tasks += 1;
-        for (sum, count) in report.class_counts.iter_mut().zip(stream.count_classes()) {
-            *sum += count;
-        }
-        report.lanes_active += stream.lanes_active;
-        report.lanes_masked += stream.lanes_masked;
-        report.live_vectors_max = report.live_vectors_max.max(u64::from(stream.live_vectors_max));
+        self.0.count_task(stream);
     }
 }
 

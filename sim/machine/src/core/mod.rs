@@ -23,6 +23,7 @@ mod walk;
 mod window;
 
 pub(crate) use stack::Stack;
+pub(crate) use table::{Kind, Row, table};
 pub(crate) use thread::{State, Thread};
 
 use crate::Cycle;
@@ -33,7 +34,6 @@ use crate::exchange::{Message, Pull};
 use crate::when::{Span, When};
 use lrbsim_isa::arena::TASK_COUNTER_LINE;
 use lrbsim_isa::stream::Stream;
-use table::{Row, table};
 use waiting::{WaitList, Waiter, Waiting};
 use walk::Walk;
 

@@ -8,7 +8,7 @@ use lrbsim_isa::uop::Class;
 
 /// What a uop of a class does to its thread and to memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(crate) enum Kind {
     /// Computes: the result comes after a fixed time.
     Compute,
     /// Ends a run of straight-line code: the thread goes on after a fixed time.
@@ -31,25 +31,31 @@ pub(super) enum Kind {
 
 impl Kind {
     #[inline(always)]
-    pub(super) fn is_prefetch(self) -> bool {
+    pub(crate) fn is_prefetch(self) -> bool {
         matches!(self, Kind::PrefetchL1 | Kind::PrefetchL2 | Kind::GatherPrefetch)
     }
 
     /// Whether its lines take their turns with those of all gathers of the core.
     #[inline(always)]
-    pub(super) fn is_gather(self) -> bool {
+    pub(crate) fn is_gather(self) -> bool {
         matches!(self, Kind::Gather(_) | Kind::AtomicGather | Kind::GatherPrefetch)
     }
 
     /// Whether it works on each of its lines alone.
     #[inline(always)]
-    pub(super) fn locks(self) -> bool {
+    pub(crate) fn locks(self) -> bool {
         matches!(self, Kind::Atomic | Kind::AtomicGather)
+    }
+
+    /// Whether it wants to change its lines.
+    #[inline(always)]
+    pub(crate) fn writes(self) -> bool {
+        self.intent() != Intent::Read
     }
 
     /// What it wants of its lines.
     #[inline(always)]
-    pub(super) fn intent(self) -> Intent {
+    pub(crate) fn intent(self) -> Intent {
         match self {
             Kind::Access(intent) | Kind::Gather(intent) => intent,
             Kind::Atomic | Kind::AtomicGather => Intent::Write,
@@ -74,7 +80,7 @@ const BRANCH_UNIT: u8 = 8;
 ///      56..64  place in KINDS
 /// ```
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Row(u64);
+pub(crate) struct Row(u64);
 
 /// What every uop uses: whoever excludes it pairs with none.
 const ANYTHING: u8 = 128;
@@ -119,34 +125,34 @@ impl Row {
 
     /// The latency of the result of a computation, or of an access to one line that hits the L1.
     #[inline(always)]
-    pub(super) fn latency(self) -> Span {
+    pub(crate) fn latency(self) -> Span {
         Span::from_bits(self.0 & 0xffff_ffff)
     }
 
     /// What the last byte of a uop is taken with to give a distance.
     #[inline(always)]
-    pub(super) fn third_producer(self) -> u32 {
+    pub(crate) fn third_producer(self) -> u32 {
         (self.0 >> 32) as u32 & 0xff
     }
 
     /// Whether `second` may issue in the same cycle, behind this one.
     #[inline(always)]
-    pub(super) fn pairs_with(self, second: Row) -> bool {
+    pub(crate) fn pairs_with(self, second: Row) -> bool {
         self.0 >> 8 & second.0 & 0xff << 40 == 0
     }
 
     #[inline(always)]
-    pub(super) fn kind(self) -> Kind {
+    pub(crate) fn kind(self) -> Kind {
         KINDS[(self.0 >> 56) as usize]
     }
 
     #[inline(always)]
-    pub(super) fn is_compute(self) -> bool {
+    pub(crate) fn is_compute(self) -> bool {
         self.0 >> 56 == 0
     }
 
     #[inline(always)]
-    pub(super) fn is_branch(self) -> bool {
+    pub(crate) fn is_branch(self) -> bool {
         self.0 >> 56 == 1
     }
 
@@ -164,7 +170,7 @@ impl Row {
 }
 
 /// Rows by class byte; the table has a row for every byte, so that looking one up needs no check.
-pub(super) fn table(spec: &MachineSpec) -> Box<[Row; 256]> {
+pub(crate) fn table(spec: &MachineSpec) -> Box<[Row; 256]> {
     let mut table = Box::new([Row::NONE; 256]);
     for class in Class::ALL {
         table[class as usize] = row(spec, class);

@@ -32,12 +32,12 @@ const WHOLE_SHARE: f64 = 0.8;
 
 /// Tasks of one chunk that a thread gets at once.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Part {
+pub(crate) struct Part {
     /// The number of the chunk.
-    pub(super) chunk: usize,
-    pub(super) tasks: Range<u32>,
+    pub(crate) chunk: usize,
+    pub(crate) tasks: Range<u32>,
     /// The number of the group of neighbors that it was chosen with.
-    pub(super) group: usize,
+    pub(crate) group: usize,
 }
 
 /// The chunks of a step, and which of them are timed so far.
@@ -53,7 +53,7 @@ pub(super) struct Chunks {
 }
 
 /// Mixes bits (splitmix64).
-fn hash(x: u64) -> u64 {
+pub(crate) fn hash(x: u64) -> u64 {
     let mut z = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
@@ -155,7 +155,7 @@ impl Chunks {
 }
 
 /// The chosen tasks of a step, by position: as a chip sees them that times them, or what runs them without.
-pub(super) struct Chosen<'a> {
+pub(crate) struct Chosen<'a> {
     inner: &'a dyn TaskSource,
     /// The number of each task.
     tasks: Vec<u32>,
@@ -166,14 +166,19 @@ pub(super) struct Chosen<'a> {
 }
 
 impl<'a> Chosen<'a> {
-    pub(super) fn new(inner: &'a dyn TaskSource, parts: &[Part]) -> Chosen<'a> {
+    pub(crate) fn new(inner: &'a dyn TaskSource, parts: &[Part]) -> Chosen<'a> {
         let tasks: Vec<u32> = parts.iter().flat_map(|part| part.tasks.clone()).collect();
         let uops = std::iter::repeat_with(AtomicU64::default).take(tasks.len()).collect();
         Chosen { inner, tasks, uops, skipped: Mutex::default() }
     }
 
+    /// The uops, but for spills, of the task that has most of them, of those that have run.
+    pub(crate) fn longest(&self) -> u64 {
+        self.uops.iter().map(|uops| uops.load(Relaxed)).max().unwrap_or(0)
+    }
+
     /// By part its uops but for spills, and what ran in between.
-    pub(super) fn into_counts(self, parts: &[Part]) -> (Vec<u64>, Skipped) {
+    pub(crate) fn into_counts(self, parts: &[Part]) -> (Vec<u64>, Skipped) {
         let mut uops = self.uops.into_iter().map(AtomicU64::into_inner);
         let by_part = parts.iter().map(|part| uops.by_ref().take(part.tasks.len()).sum()).collect();
         (by_part, self.skipped.into_inner().unwrap_or_else(PoisonError::into_inner).1)

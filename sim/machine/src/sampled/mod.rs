@@ -10,7 +10,7 @@
 //! What is not timed touches no cache. So neighbors are chosen together, as far as their data is to be found where the chip has
 //! it; what is left of that error is part of the interval ([`Sampling`]).
 
-mod choose;
+pub(crate) mod choose;
 mod durations;
 mod rate;
 mod schedule;
@@ -79,10 +79,10 @@ struct Sample {
 
 /// What tasks did that were run and not timed.
 #[derive(Debug, Default)]
-struct Skipped {
+pub(crate) struct Skipped {
     /// Each task, or the first of neighbors of one chunk, with its uops.
     uops: Vec<(u32, u64)>,
-    counts: OpCounts,
+    pub(crate) counts: OpCounts,
 }
 
 impl Sampled {
@@ -295,7 +295,7 @@ fn extrapolate(timed: &StepReport, cycles: Cycle, factor: f64, [running, barrier
 
 /// Makes the sums over `cores` those of the step, each core with the part of them that it had of the sample, as far as the step's cycles
 /// before its barrier, `arrival`, allow.
-fn share_out(cores: &mut [CoreActivity], report: &StepReport, arrival: Cycle) {
+pub(crate) fn share_out(cores: &mut [CoreActivity], report: &StepReport, arrival: Cycle) {
     let [busy, paired]: [Vec<u64>; 2] = [
         cores.iter().map(|core| core.busy_cycles).collect(),
         cores.iter().map(|core| core.issued - core.busy_cycles).collect(),

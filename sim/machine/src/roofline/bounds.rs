@@ -1,0 +1,213 @@
+//! From what a step asks of any machine to the time it takes on one.
+
+use super::profile::{DISTANCES, PARTS, Profile};
+use super::reuse::{BINS, kept};
+use crate::config::MachineSpec;
+use crate::core::{Row, table};
+use crate::counters::{Bounds, Cause};
+use crate::ring::{Message, Rings};
+use crate::scheduler::{barrier_cycles, mean_transfer_cycles};
+use lrbsim_isa::uop::Class;
+
+/// What a machine charges, in cycles.
+pub(super) struct Costs {
+    spec: MachineSpec,
+    rows: Box<[Row; 256]>,
+    /// A line or its ownership from another core.
+    transfer: f64,
+    /// A line from memory, with the way there.
+    memory: f64,
+    /// Stops that a message passes.
+    hops: f64,
+    barrier: f64,
+}
+
+/// The time of a step.
+pub(super) struct Estimate {
+    /// Cycles until all threads have passed its barrier.
+    pub(super) cycles: f64,
+    /// What each limit alone would take.
+    pub(super) bounds: Bounds,
+    /// Core-cycles in which something issues.
+    pub(super) issue: f64,
+    /// Thread-cycles by what a thread waits for.
+    pub(super) waits: [f64; Cause::COUNT],
+    /// Lines that miss the L1, and the L2, and that memory reads and writes.
+    pub(super) l1_misses: f64,
+    pub(super) l2_misses: f64,
+    pub(super) reads: f64,
+    pub(super) writes: f64,
+}
+
+/// Limits that are close add up in part: between the greatest and the sum, nearer to the greatest.
+fn together(limits: &[f64]) -> f64 {
+    // Not by `powf`, which hosts round as they please.
+    let square = |x: f64| x * x;
+    limits.iter().map(|limit| square(square(*limit))).sum::<f64>().sqrt().sqrt()
+}
+
+impl Costs {
+    pub(super) fn new(spec: &MachineSpec) -> Costs {
+        let rings = Rings::new(spec, false);
+        let transfer = mean_transfer_cycles(spec, &rings) as f64;
+        // All pairs while they are few, a regular sample of them beyond.
+        let stride = spec.cores.div_ceil(16).max(1) as usize;
+        let (mut cycles, mut pairs) = (0, 0);
+        for from in (0..spec.cores).step_by(stride) {
+            for to in (0..spec.cores).step_by(stride) {
+                cycles += rings.idle_cycles(from, to, Message::Address);
+                pairs += 1;
+            }
+        }
+        let way = cycles as f64 / f64::from(pairs);
+        Costs {
+            rows: table(spec),
+            transfer,
+            // Not from another core's L2, by another way, but from its home's memory.
+            memory: transfer - spec.l2.hit_cycles as f64 - way + spec.memory.row_miss_cycles as f64,
+            hops: if spec.ring.free { 0.0 } else { way / spec.ring.hop_cycles.max(1) as f64 },
+            barrier: barrier_cycles(spec, &rings) as f64,
+            spec: spec.clone(),
+        }
+    }
+
+    /// Cycles that the results of a class take.
+    fn latency(&self, class: Class) -> f64 {
+        self.rows[class as usize].latency().cycles() as f64
+    }
+
+    /// The time of a step of `tasks` tasks, the longest of which is `longest` of all of its work.
+    pub(super) fn estimate(&self, profile: &Profile, tasks: u32, longest: f64) -> Estimate {
+        let spec = &self.spec;
+        let threads = f64::from(spec.threads_for(tasks).max(1));
+        let cores = f64::from(spec.cores).min(threads);
+        let beside = threads / cores;
+        let elsewhere = 1.0 - 1.0 / cores;
+        let uops = profile.uops();
+
+        // What misses, by the room that each thread of a core has.
+        let room = |cache: &crate::config::CacheSpec| f64::from(cache.sets * cache.ways) / beside;
+        let missing = |bins: &[f64; BINS], lines: f64| -> f64 {
+            bins.iter().enumerate().map(|(bin, count)| count * (1.0 - kept(bin, lines))).sum()
+        };
+        let is_ideal = f64::from(u8::from(!spec.ideal.memory));
+        let new_lines = profile.near_lines[BINS - 1];
+        let new_uops = profile.near_uops[BINS - 1];
+        let near = |bins: &[f64; BINS], lines| missing(bins, lines) - bins[BINS - 1];
+        // Groups that this core has run before, at the middle of the step.
+        let before = profile.groups / cores / 2.0;
+        let found = |room: f64| -> f64 {
+            let recent = (room * beside / profile.group_lines.max(1.0)).min(before);
+            let of_part = |(bin, count): (usize, &f64)| {
+                let part = if bin == PARTS { 0.0 } else { 1.0 / f64::from(1_u32 << bin) };
+                let expected = part * recent;
+                count * expected / (1.0 + expected)
+            };
+            profile.shared.iter().enumerate().map(of_part).sum::<f64>() / new_lines.max(1.0)
+        };
+        let (room1, room2) = (room(&spec.l1d), room(&spec.l2));
+        let (found1, found2) = (found(room1).min(1.0), found(room2).min(1.0));
+        let l1_misses = (near(&profile.near_lines, room1) + new_lines * (1.0 - found1)) * is_ideal;
+        let l2_misses = (near(&profile.near_lines, room2) + new_lines * (1.0 - found2)) * is_ideal;
+
+        // Where lines come from that no access of the group or the core has left there.
+        let chip = f64::from(spec.l2.sets * spec.l2.ways) * f64::from(spec.cores);
+        let distinct: f64 = profile.far.iter().sum();
+        let far = (missing(&profile.far, chip) - profile.streamed).max(0.0);
+        let reads = (far + near(&profile.near_lines, room2)).min(l2_misses);
+        let overflows = (1.0 - chip / profile.ever.max(1.0)).clamp(0.0, 1.0);
+        let writes = profile.written.min(distinct) * overflows * is_ideal;
+        let from_memory = if l2_misses > 0.0 { reads / l2_misses } else { 0.0 };
+
+        // One thread alone.
+        let single = if spec.core.dual_issue { 0.0 } else { profile.pairs };
+        let issue = uops - profile.pairs + single;
+        let slower = issue / (uops - profile.pairs).max(1.0);
+        let mut waits = [0.0; Cause::COUNT];
+        let mut loads_waited_for = 0.0;
+        for class in Class::ALL {
+            let latency = self.latency(class);
+            let row = &profile.waits[class as usize];
+            let cause = if class.is_memory() { Cause::L1 } else { Cause::Dependency };
+            for (distance, count) in row.iter().enumerate().take(DISTANCES) {
+                waits[cause as usize] += count * (latency - distance as f64 * slower).max(0.0);
+            }
+            if class.is_memory() {
+                loads_waited_for += row.iter().sum::<f64>();
+            }
+        }
+        waits[Cause::Dependency as usize] +=
+            profile.count(Class::Branch) * (self.latency(Class::Branch) - 1.0).max(0.0);
+        let interval = spec.core.gather_interval_x256 as f64 / 256.0;
+        let gathers = [Class::Gather, Class::Scatter, Class::AtomicGather, Class::AtomicScatter]
+            .map(|class| profile.count(class))
+            .iter()
+            .sum::<f64>();
+        waits[Cause::GatherLines as usize] +=
+            (profile.gather_lines * interval - gathers).max(0.0) + gathers * spec.core.gather_overhead as f64;
+        waits[Cause::Atomic as usize] += profile.locked * spec.atomic_cycles as f64;
+        // Uops whose farthest line misses. A thread that does not sleep through them waits where a result is used.
+        let stalls = if spec.core.blocks_on_l1_miss {
+            1.0
+        } else {
+            (loads_waited_for / profile.near_uops.iter().sum::<f64>().max(1.0)).min(1.0)
+        } * is_ideal;
+        let miss1 = (near(&profile.near_uops, room1) + new_uops * (1.0 - found1)) * stalls;
+        let miss2 = (near(&profile.near_uops, room2) + new_uops * (1.0 - found2)) * stalls;
+        let hit2 = spec.l2.hit_cycles as f64;
+        waits[Cause::L2 as usize] += (miss1 - miss2) * hit2;
+        waits[Cause::Memory as usize] += miss2 * from_memory * self.memory;
+        let others = miss2 * (1.0 - from_memory);
+        waits[Cause::Remote as usize] += others * elsewhere * self.transfer;
+        waits[Cause::L2 as usize] += others * (1.0 - elsewhere) * hit2;
+        let alone = issue * spec.core.issue_interval as f64 + waits.iter().sum::<f64>();
+
+        // What each limit takes, in cycles of the chip.
+        let ports = profile.lines / f64::from(spec.core.l1_accesses_per_cycle);
+        let l1 = ports.max(profile.gather_lines * interval) / cores;
+        let missing_cycles =
+            l2_misses * (from_memory * self.memory + (1.0 - from_memory) * elsewhere * self.transfer);
+        let mshrs = f64::from(spec.l1d.mshrs.min(spec.l2.mshrs));
+        let l2 = ((l1_misses - l2_misses).max(0.0) * hit2 + missing_cycles) / mshrs / cores;
+        let line_slots = f64::from(spec.ring.line_slots);
+        let links = 2.0 * f64::from(spec.cores);
+        let directory = l2_misses * spec.directory_interval as f64 / f64::from(spec.cores);
+        let ring = (l2_misses * self.hops * line_slots / links).max(directory);
+        let line_cycles = spec.memory.line_interval_x256 as f64 / 256.0;
+        let memory = (reads * is_ideal + writes) * line_cycles / f64::from(spec.memory.controllers);
+        let move_cycles = spec.atomic_cycles as f64 + elsewhere * self.transfer * is_ideal;
+        let chunks = f64::from(tasks) / f64::from(spec.chunk_tasks_max);
+        let pulls = if spec.ideal.queue { 0.0 } else { chunks.max(threads) + threads };
+        let atomics = profile.locked_hottest * move_cycles + pulls * move_cycles / beside;
+
+        // Tasks do not divide evenly among threads.
+        let each = (f64::from(tasks) / threads).max(1.0);
+        let tail = if each < 2.0 { each.ceil() / each } else { 1.0 + 0.5 / each };
+        let chains = (alone / threads).max(alone * longest);
+        let issue_cycles = issue / cores;
+        let core = together(&[issue_cycles, chains, l1, l2]);
+        let running = together(&[core * tail, ring, memory, atomics]);
+        // Every thread asks for its first task, one core after the other.
+        let start =
+            if spec.ideal.queue { 0.0 } else { cores * move_cycles / 2.0 + spec.dispatch_cycles as f64 };
+        Estimate {
+            cycles: running + start + self.barrier,
+            bounds: Bounds {
+                issue: issue_cycles as u64,
+                chains: chains as u64,
+                l1: l1 as u64,
+                l2: l2 as u64,
+                ring: ring as u64,
+                memory: memory as u64,
+                atomics: atomics as u64,
+                barrier: (start + self.barrier) as u64,
+            },
+            issue,
+            waits,
+            l1_misses,
+            l2_misses,
+            reads: reads * is_ideal,
+            writes,
+        }
+    }
+}
