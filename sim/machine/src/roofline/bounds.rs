@@ -1,5 +1,6 @@
 //! From what a step asks of any machine to the time it takes on one.
 
+use super::Lengths;
 use super::profile::{DISTANCES, PARTS, Profile};
 use super::reuse::{BINS, kept};
 use crate::config::MachineSpec;
@@ -76,8 +77,8 @@ impl Costs {
         self.rows[class as usize].latency().cycles() as f64
     }
 
-    /// The time of a step of `tasks` tasks, the longest of which is `longest` of all of its work.
-    pub(super) fn estimate(&self, profile: &Profile, tasks: u32, longest: f64) -> Estimate {
+    /// The time of a step of `tasks` tasks of these lengths.
+    pub(super) fn estimate(&self, profile: &Profile, tasks: u32, lengths: Lengths) -> Estimate {
         let spec = &self.spec;
         let threads = f64::from(spec.threads_for(tasks).max(1));
         let cores = f64::from(spec.cores).min(threads);
@@ -113,10 +114,12 @@ impl Costs {
         // Where lines come from that no access of the group or the core has left there.
         let chip = f64::from(spec.l2.sets * spec.l2.ways) * f64::from(spec.cores);
         let distinct: f64 = profile.far.iter().sum();
-        let far = (missing(&profile.far, chip) - profile.streamed).max(0.0);
-        let reads = (far + near(&profile.near_lines, room2)).min(l2_misses);
-        let overflows = (1.0 - chip / profile.ever.max(1.0)).clamp(0.0, 1.0);
-        let writes = profile.written.min(distinct) * overflows * is_ideal;
+        let first = (missing(&profile.far, chip) - profile.streamed).max(0.0);
+        // What an earlier group has brought, and no L2 of the chip has any more.
+        let lost = |volume: f64| (1.0 - chip / volume.max(1.0)).clamp(0.0, 1.0);
+        let again = (new_lines * (1.0 - found2) - distinct).max(0.0) * lost(new_lines);
+        let reads = (first + again + near(&profile.near_lines, room2)).min(l2_misses);
+        let writes = profile.written.min(distinct) * lost(profile.volume) * is_ideal;
         let from_memory = if l2_misses > 0.0 { reads / l2_misses } else { 0.0 };
 
         // One thread alone.
@@ -176,20 +179,20 @@ impl Costs {
         let line_cycles = spec.memory.line_interval_x256 as f64 / 256.0;
         let memory = (reads * is_ideal + writes) * line_cycles / f64::from(spec.memory.controllers);
         let move_cycles = spec.atomic_cycles as f64 + elsewhere * self.transfer * is_ideal;
+        // Every thread asks for its first task, one core after the other, and for others whenever it has none.
         let chunks = f64::from(tasks) / f64::from(spec.chunk_tasks_max);
-        let pulls = if spec.ideal.queue { 0.0 } else { chunks.max(threads) + threads };
-        let atomics = profile.locked_hottest * move_cycles + pulls * move_cycles / beside;
+        let pulls = if spec.ideal.queue { 0.0 } else { (chunks - threads).max(0.0) };
+        let atomics = (profile.locked_hottest + pulls) * move_cycles;
+        let start =
+            if spec.ideal.queue { 0.0 } else { cores * move_cycles / 2.0 + spec.dispatch_cycles as f64 };
 
         // Tasks do not divide evenly among threads.
         let each = (f64::from(tasks) / threads).max(1.0);
-        let tail = if each < 2.0 { each.ceil() / each } else { 1.0 + 0.5 / each };
-        let chains = (alone / threads).max(alone * longest);
+        let tail = if each < 2.0 { each.ceil() / each } else { 1.0 + 0.5 * threads * lengths.typical };
+        let chains = alone / threads;
         let issue_cycles = issue / cores;
-        let core = together(&[issue_cycles, chains, l1, l2]);
-        let running = together(&[core * tail, ring, memory, atomics]);
-        // Every thread asks for its first task, one core after the other.
-        let start =
-            if spec.ideal.queue { 0.0 } else { cores * move_cycles / 2.0 + spec.dispatch_cycles as f64 };
+        let core = (together(&[issue_cycles, chains, l1, l2]) * tail).max(alone * lengths.longest);
+        let running = together(&[core, ring, memory, atomics]);
         Estimate {
             cycles: running + start + self.barrier,
             bounds: Bounds {

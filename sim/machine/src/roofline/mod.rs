@@ -63,13 +63,33 @@ struct Survey {
     streams: Vec<Stream>,
 }
 
+/// How unlike one another the tasks of a step are.
+#[derive(Debug, Clone, Copy, Default)]
+struct Lengths {
+    /// The part of the step's work that its longest task has.
+    longest: f64,
+    /// The part that the task has in which a uop drawn at random is, on average.
+    typical: f64,
+}
+
+impl Lengths {
+    /// Of tasks of so many uops.
+    fn of(uops: &[u64]) -> Lengths {
+        let sum = uops.iter().sum::<u64>().max(1) as f64;
+        let part = |uops: &u64| *uops as f64 / sum;
+        Lengths {
+            longest: uops.iter().map(part).fold(0.0, f64::max),
+            typical: uops.iter().map(|uops| part(uops) * part(uops)).sum(),
+        }
+    }
+}
+
 /// What was found of a step.
 struct Found {
     profile: Profile,
     /// What was counted.
     counts: StepReport,
-    /// The part of the step's work that its longest task has.
-    longest: f64,
+    lengths: Lengths,
 }
 
 impl Survey {
@@ -110,11 +130,12 @@ impl Survey {
             self.reader.read(&self.streams);
             read = position + 1;
         }
-        let mut longest = chosen.longest();
+        let mut lengths: Vec<u64> = chosen.uops().collect();
         let (_, skipped) = chosen.into_counts(&parts);
 
         // The others are run and counted; those of ordered steps were on the way.
         let mut others: OpCounts = skipped.counts;
+        lengths.extend(skipped.uops.iter().map(|(_, uops)| uops));
         picked.truncate(read);
         if !tasks.is_ordered() {
             picked.sort_unstable();
@@ -122,7 +143,7 @@ impl Survey {
             let left = parts_of((0..groups).filter(is_left).flat_map(tasks_of));
             let chosen = Chosen::new(tasks, &left);
             others.add(&skip_all(&chosen, self.host_threads));
-            longest = longest.max(chosen.longest());
+            lengths.extend(chosen.uops());
         }
         let spills = [Class::SpillStore, Class::SpillLoad].map(|class| counts.class_counts[class as usize]);
         counts.issued = counts.class_counts.iter().sum();
@@ -137,7 +158,7 @@ impl Survey {
             counts.class_counts[class as usize] += more;
             counts.issued += more;
         }
-        Found { profile, counts, longest: longest as f64 / all.max(1) as f64 }
+        Found { profile, counts, lengths: Lengths::of(&lengths) }
     }
 
     /// The groups to be read, in an order in which any first few are spread over the step; of ordered steps in theirs, with the last.
@@ -183,9 +204,9 @@ impl Roofline {
 
     /// The report of a step on this machine.
     fn report(&mut self, found: &Found) -> StepReport {
-        let Found { profile, counts, longest } = found;
+        let Found { profile, counts, lengths } = found;
         let tasks = counts.tasks as u32;
-        let estimate = self.costs.estimate(profile, tasks, *longest);
+        let estimate = self.costs.estimate(profile, tasks, *lengths);
         let cycles = estimate.cycles.round() as Cycle;
         let barrier = estimate.bounds.barrier.min(cycles);
         let mut report = StepReport { cycles, bounds: estimate.bounds, ..counts.clone() };

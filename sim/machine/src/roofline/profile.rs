@@ -38,7 +38,7 @@ pub(super) struct Profile {
     pub(super) shared: [f64; PARTS + 1],
     /// Lines that are new to their group, and that some group writes beside others.
     pub(super) contended: f64,
-    /// Distinct lines of the step by the volume, in lines, that steps have touched since their region was.
+    /// Distinct lines of the step by the volume that was touched since their region was: lines, those of each group counted anew.
     pub(super) far: [f64; BINS],
     /// Distinct lines of the step that it writes.
     pub(super) written: f64,
@@ -52,8 +52,8 @@ pub(super) struct Profile {
     pub(super) group_lines: f64,
     /// Groups of the step.
     pub(super) groups: f64,
-    /// Lines that were ever touched by the end of the step.
-    pub(super) ever: f64,
+    /// The volume that was touched by the end of the step.
+    pub(super) volume: f64,
 }
 
 impl Default for Profile {
@@ -75,7 +75,7 @@ impl Default for Profile {
             locked_hottest: 0.0,
             group_lines: 0.0,
             groups: 0.0,
-            ever: 0.0,
+            volume: 0.0,
         }
     }
 }
@@ -126,10 +126,8 @@ pub(super) struct Reader {
     group_lines: u64,
     /// By region the volume that had been touched when it last was, plus one; 0: never.
     regions: Vec<u64>,
-    /// Lines that all steps so far have touched, those of each counted anew.
+    /// Lines that all groups so far have touched, those of each counted anew.
     volume: u64,
-    /// Lines that were ever touched.
-    ever: u64,
 }
 
 impl Reader {
@@ -146,7 +144,6 @@ impl Reader {
             group_lines: 0,
             regions: Vec::new(),
             volume: 0,
-            ever: 0,
         }
     }
 
@@ -265,7 +262,6 @@ impl Reader {
         profile.groups = f64::from(groups);
         profile.group_lines = std::mem::take(&mut self.group_lines) as f64 / f64::from(read.max(1));
 
-        let mut distinct = 0.0;
         let mut regions: Vec<(usize, f64)> = Vec::new();
         self.touched.sort_unstable();
         for same in self.touched.chunk_by(|a, b| a.0 == b.0) {
@@ -281,7 +277,6 @@ impl Reader {
             }
             // What a part of the groups touches alone, others touch as many more of; what several touch is seen nearly whole.
             let lines = if same.len() == 1 { factor } else { 1.0 };
-            distinct += lines;
             profile.written += if writers > 0 { lines } else { 0.0 };
             let region = (same[0].0 / REGION_LINES) as usize;
             match regions.last_mut() {
@@ -289,7 +284,6 @@ impl Reader {
                 _ => regions.push((region, lines)),
             }
         }
-        self.touched.clear();
         for (region, lines) in &regions {
             if *region >= self.regions.len() {
                 self.regions.resize(region + 1, 0);
@@ -297,15 +291,13 @@ impl Reader {
             let last = self.regions[*region];
             let bin = if last == 0 { NEVER } else { bin(self.volume - (last - 1)) };
             profile.far[bin] += lines;
-            if last == 0 {
-                self.ever += *lines as u64;
-            }
         }
-        self.volume += distinct as u64;
+        self.volume += (self.touched.len() as f64 * factor) as u64;
+        self.touched.clear();
         for (region, _) in &regions {
             self.regions[*region] = self.volume + 1;
         }
-        profile.ever = self.ever as f64;
+        profile.volume = self.volume as f64;
 
         self.locked.sort_unstable();
         profile.locked = self.locked.len() as f64;

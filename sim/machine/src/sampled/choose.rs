@@ -172,9 +172,9 @@ impl<'a> Chosen<'a> {
         Chosen { inner, tasks, uops, skipped: Mutex::default() }
     }
 
-    /// The uops, but for spills, of the task that has most of them, of those that have run.
-    pub(crate) fn longest(&self) -> u64 {
-        self.uops.iter().map(|uops| uops.load(Relaxed)).max().unwrap_or(0)
+    /// The uops, but for spills, of each task; 0 of those that have not run.
+    pub(crate) fn uops(&self) -> impl Iterator<Item = u64> {
+        self.uops.iter().map(|uops| uops.load(Relaxed))
     }
 
     /// By part its uops but for spills, and what ran in between.

@@ -81,7 +81,7 @@ struct Sample {
 #[derive(Debug, Default)]
 pub(crate) struct Skipped {
     /// Each task, or the first of neighbors of one chunk, with its uops.
-    uops: Vec<(u32, u64)>,
+    pub(crate) uops: Vec<(u32, u64)>,
     pub(crate) counts: OpCounts,
 }
 
