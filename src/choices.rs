@@ -168,7 +168,7 @@ mod tests {
         assert_eq!(
             (pattern(&levels()), pattern_of_twice(&levels())),
             (
-                format!("^(functional|sampled(:{option}(,{option})*)?|windowed|cycle)$"),
+                format!("^(functional|roofline|sampled(:{option}(,{option})*)?|windowed|cycle)$"),
                 Some("[:,]error=.*,error=|[:,]seed=.*,seed=".to_owned())
             )
         );

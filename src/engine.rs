@@ -6,7 +6,7 @@ use lrbsim_isa::host::HostSimd;
 use lrbsim_isa::program::{StepSource, TaskSource};
 use lrbsim_isa::stream::TASK_UOPS_MAX;
 use lrbsim_isa::{Arena, OpCounts, Step, Stream};
-use lrbsim_machine::{Fidelity, MachineSpec, StepReport, Timing};
+use lrbsim_machine::{CoreActivity, Fidelity, MachineSpec, StepReport, Timing};
 use std::ops::Range;
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
@@ -31,8 +31,7 @@ impl Engine {
 
     /// Cycles in which each core issued in the last step, by core; `None` when nothing is timed.
     pub fn core_busy_cycles(&self) -> Option<Vec<u64>> {
-        let cores = self.timing.activity();
-        (!cores.is_empty()).then(|| cores.iter().map(|core| core.busy_cycles).collect())
+        busy_cycles(self.timing.activity())
     }
 
     /// Runs all tasks of `step` and the barrier that ends it.
@@ -42,20 +41,40 @@ impl Engine {
         arena: &mut Arena,
         progress: &dyn Progress,
     ) -> Result<StepReport, BadInput> {
-        let too_long = AtomicU32::new(NO_TASK);
-        let inner = StepSource::new(step, arena, self.simd, self.host_threads);
-        let watched = Watched { inner, progress, too_long: &too_long };
-        let report = self.timing.run_step(&watched);
-        let report = report.map_err(|stuck| BadInput::new(format!("step `{}`: {stuck}", step.name())))?;
-        match too_long.into_inner() {
-            NO_TASK => Ok(report),
-            task => Err(BadInput::new(format!(
-                "task {task} of step `{}` has more instructions than can be recorded: more than {TASK_UOPS_MAX}, or \
-                 more than the host has memory for",
-                step.name()
-            ))
-            .with_help("a smaller image or mesh has shorter tasks; `--fidelity functional` records none")),
-        }
+        let Engine { timing, simd, host_threads } = self;
+        let report =
+            with_tasks(step, arena, (*simd, *host_threads), progress, |tasks| timing.run_step(tasks))?;
+        report.map_err(|stuck| BadInput::new(format!("step `{}`: {stuck}", step.name())))
+    }
+}
+
+/// Cycles in which each core issued; `None` when nothing is timed.
+pub(crate) fn busy_cycles(cores: &[CoreActivity]) -> Option<Vec<u64>> {
+    (!cores.is_empty()).then(|| cores.iter().map(|core| core.busy_cycles).collect())
+}
+
+/// Hands the tasks of `step` to `run`.
+///
+/// # Errors
+/// Where a task is too long to be recorded.
+pub(crate) fn with_tasks<T>(
+    step: &Step,
+    arena: &mut Arena,
+    (simd, host_threads): (HostSimd, usize),
+    progress: &dyn Progress,
+    run: impl FnOnce(&dyn TaskSource) -> T,
+) -> Result<T, BadInput> {
+    let too_long = AtomicU32::new(NO_TASK);
+    let inner = StepSource::new(step, arena, simd, host_threads);
+    let result = run(&Watched { inner, progress, too_long: &too_long });
+    match too_long.into_inner() {
+        NO_TASK => Ok(result),
+        task => Err(BadInput::new(format!(
+            "task {task} of step `{}` has more instructions than can be recorded: more than {TASK_UOPS_MAX}, or \
+             more than the host has memory for",
+            step.name()
+        ))
+        .with_help("a smaller image or mesh has shorter tasks; `--fidelity functional` records none")),
     }
 }
 

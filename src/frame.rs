@@ -3,11 +3,13 @@
 use lrbsim_isa::host::HostSimd;
 use lrbsim_isa::{Arena, ArenaError, Phase, Runner, Step, Stopped};
 use lrbsim_kernels::method::Shadows;
-use lrbsim_machine::Fidelity;
+use lrbsim_machine::fleet::{Failure, StepCost};
+use lrbsim_machine::{Fidelity, MachineSpec, Seats, StepReport};
 use lrbsim_reports::counters::{Clock, PhaseCosts, phase_reports};
 use lrbsim_reports::picture;
 use lrbsim_reports::run::{
-    ImageSummary, Provenance, RunReport, SCHEMA_VERSION, SceneSummary, Total, Warning, WarningKind,
+    ImageError, ImageSummary, Provenance, RunReport, SCHEMA_VERSION, SceneSummary, Total, Warning,
+    WarningKind,
 };
 use lrbsim_reports::{HostReport, picture::NOTHING_HIT};
 use lrbsim_workloads::glam::{DVec3, Vec3};
@@ -15,12 +17,13 @@ use lrbsim_workloads::{Adjacency, EyeView, ImageSize, Scene, SceneWarning, Shado
 use rayon::prelude::*;
 
 use crate::algorithm::Algorithm;
-use crate::engine::Engine;
+use crate::engine::{Engine, busy_cycles, with_tasks};
 use crate::error::BadInput;
 use crate::host::{Stopwatch, node, peak_rss_bytes};
 use crate::inputs::Machine;
-use crate::progress::Progress;
+use crate::progress::{Progress, Quiet};
 use crate::reference::ReferenceRequest;
+use crate::study::said;
 
 /// Version of what the simulator's numbers mean. Raise it whenever the same inputs give other numbers: finished points of
 /// an older version are then run again. The test `results_that_change_raise_the_version` reminds of it.
@@ -93,68 +96,203 @@ pub struct Frame {
 /// Runs one frame, or `warm_frames` and then the one that is measured.
 pub fn run_frame(request: &RunRequest, progress: &dyn Progress) -> Result<RunOutput, BadInput> {
     let watch = Stopwatch::start();
-    let RunRequest { scene, machine, fidelity, host, .. } = request;
-    check_warm_frames(request.warm_frames)?;
-    request.algorithm.check_light(&scene.light)?;
-    request.reference.as_ref().map_or(Ok(()), |reference| reference.check(scene))?;
-
-    // What the eye sees: on the host, untimed, as in the paper.
-    progress.part("eye view");
-    let (input, cosine, mut warnings) = on_host_threads(host.threads, || {
-        let (mut eye, adjacency) = rayon::join(|| view(scene), || Adjacency::new(&scene.mesh));
-        // Of the view, which takes more memory than anything else on the host, little is kept: it is soon had again.
-        let cosine = cosines(scene, &eye);
-        eye.normals = Vec::new();
-        progress.part("input");
-        let input = ShadowInput::of_lights(scene, request.algorithm.lights(), &adjacency, &eye);
-        let warnings = warnings(scene, &adjacency, &eye);
-        (input, cosine, warnings)
-    })?;
+    let RunRequest { machine, fidelity, host, .. } = request;
+    let prepared = Prepared::new(request, progress)?;
 
     // The kernels, on the machine.
     let simulation = Stopwatch::start();
     let mut engine = Engine::new(&machine.spec, *fidelity, host.simd, host.threads);
-    let mut simulated = simulate(&request.algorithm, &input, &mut engine, progress)?;
+    let mut frame = || -> Result<(Program, Vec<PhaseCosts>), BadInput> {
+        let mut phases: Vec<PhaseCosts> = Vec::new();
+        let program = run_program(&request.algorithm, &prepared.input, progress, |phase, step, arena| {
+            let cost = engine.run(step, arena, progress)?;
+            progress.uops(cost.issued);
+            add_cost(&mut phases, (phase, step.name()), cost, engine.core_busy_cycles());
+            Ok(())
+        })?;
+        Ok((program, phases))
+    };
+    let mut simulated = frame()?;
     for _ in 0..request.warm_frames {
         // Again from the start, with every array where it was: only the chip remembers.
-        simulated = simulate(&request.algorithm, &input, &mut engine, progress)?;
+        simulated = frame()?;
     }
     let simulation_seconds = simulation.elapsed().as_secs_f64();
 
     // What came out.
     progress.part("report");
-    let of_method = |message: &String| Warning { kind: WarningKind::MethodLimit, message: message.clone() };
-    warnings.extend(simulated.warnings.iter().map(of_method));
-    let visibility = &simulated.shadows.visibility;
-    let wrong = visibility.iter().find(|visible| !(0.0..=1.0).contains(*visible));
-    assert!(wrong.is_none(), "`{}` leaves a visibility of {wrong:?}", request.algorithm);
-    let mut frame = Frame::new(scene.image, &input.receiver_pixel, &cosine, visibility);
-    let receivers = input.receivers.len();
-    let mut report = report(request, receivers, &simulated, &frame, warnings);
-    let seconds = watch.elapsed().as_secs_f64();
+    let (program, phases) = &simulated;
+    let mut finished = Finished::new(request, &prepared, program);
+    let clock = HostClock { seconds: watch.elapsed().as_secs_f64(), simulation_seconds };
+    finished.judge(request, &prepared, progress)?;
+    let (report, host) = finished.on(request, machine, phases, clock);
+    Ok(RunOutput { report, host, frame: finished.frame })
+}
 
-    // How right it is: by the host, untimed.
-    let mut reference_cost = None;
-    if let Some(asked) = &request.reference {
-        let reference = on_host_threads(host.threads, || asked.run(scene, receivers, progress))??;
-        report.image.error = Some(reference.judge(asked.samples, visibility));
-        let truth: Vec<f32> = reference.truth.visibility().iter().map(|visible| *visible as f32).collect();
-        frame.reference = Some(frame.spread(&input.receiver_pixel, &truth));
-        reference_cost = Some((reference.seconds, reference.found));
+/// Runs what `request` asks for on each of `machines` in place of its own: the program once, for all of them, on no more host threads at
+/// once than there are `seats`. All that comes out is what [`run_frame`] would give for each, but for what it cost the host: each has its
+/// part of the whole.
+///
+/// # Errors
+/// What is wrong with all of them; in the list, what is wrong with one.
+pub(crate) fn run_on_machines(
+    request: &RunRequest,
+    machines: &[Machine],
+    seats: &Seats,
+) -> Result<Vec<Result<RunOutput, BadInput>>, BadInput> {
+    let watch = Stopwatch::start();
+    let progress = &Quiet;
+    let mut seat = Some(seats.take());
+    let prepared = Prepared::new(request, progress)?;
+    let simulation = Stopwatch::start();
+    let specs: Vec<MachineSpec> = machines.iter().map(|machine| machine.spec.clone()).collect();
+    // Who waits for a seat has none.
+    seat.take();
+    let mut steps: Vec<(&'static Phase, &'static str)> = Vec::new();
+    let (program, costs) = request.fidelity.on_all(&specs, seats, |run| {
+        let mut frame = || {
+            steps.clear();
+            run_program(&request.algorithm, &prepared.input, progress, |phase, step, arena| {
+                steps.push((phase, step.name()));
+                with_tasks(step, arena, (request.host.simd, 1), progress, &mut *run)
+            })
+        };
+        for _ in 0..request.warm_frames {
+            frame()?;
+        }
+        frame()
+    });
+    let program = program?;
+    let _seat = seats.take();
+    let part = 1.0 / machines.len() as f64;
+    let simulation_seconds = simulation.elapsed().as_secs_f64() * part;
+    let mut finished = Finished::new(request, &prepared, &program);
+    let clock = HostClock { seconds: watch.elapsed().as_secs_f64() * part, simulation_seconds };
+    finished.judge(request, &prepared, progress)?;
+    let outputs = machines.iter().zip(costs).map(|(machine, costs)| {
+        let costs = costs.map_err(|failure| match failure {
+            Failure::Stuck(stuck) => BadInput::new(stuck.to_string()),
+            Failure::Panic(panic) => BadInput::new(format!("the simulator failed: {}", said(panic.as_ref()))),
+        })?;
+        let mut phases = Vec::new();
+        // Those of the last frame.
+        let measured = costs.into_iter().rev().take(steps.len()).rev();
+        for (step, StepCost { report, activity }) in steps.iter().zip(measured) {
+            add_cost(&mut phases, *step, report, busy_cycles(&activity));
+        }
+        let (report, host) = finished.on(request, machine, &phases, clock);
+        Ok(RunOutput { report, host, frame: finished.frame.clone() })
+    });
+    Ok(outputs.collect())
+}
+
+/// What the eye of a request sees: computed by the host, untimed, as in the paper.
+struct Prepared {
+    input: ShadowInput,
+    /// Cosine between the normal and the direction to the light at each receiver.
+    cosine: Vec<f32>,
+    warnings: Vec<Warning>,
+}
+
+impl Prepared {
+    fn new(request: &RunRequest, progress: &dyn Progress) -> Result<Prepared, BadInput> {
+        let RunRequest { scene, host, .. } = request;
+        check_warm_frames(request.warm_frames)?;
+        request.algorithm.check_light(&scene.light)?;
+        request.reference.as_ref().map_or(Ok(()), |reference| reference.check(scene))?;
+        progress.part("eye view");
+        on_host_threads(host.threads, || {
+            let (mut eye, adjacency) = rayon::join(|| view(scene), || Adjacency::new(&scene.mesh));
+            // Of the view, which takes more memory than anything else on the host, little is kept: it is soon had again.
+            let cosine = cosines(scene, &eye);
+            eye.normals = Vec::new();
+            progress.part("input");
+            let input = ShadowInput::of_lights(scene, request.algorithm.lights(), &adjacency, &eye);
+            let warnings = warnings(scene, &adjacency, &eye);
+            Prepared { input, cosine, warnings }
+        })
     }
-    let instructions: u64 = report.phases.iter().map(|phase| phase.instructions.total).sum();
-    let host = HostReport {
-        node: node(),
-        seconds,
-        reference_seconds: reference_cost.map(|(seconds, _)| seconds),
-        reference_found: reference_cost.map(|(_, found)| found),
-        simulated_instructions_per_second: (instructions * (1 + u64::from(request.warm_frames))) as f64
-            / simulation_seconds.max(1e-9),
-        peak_rss_bytes: peak_rss_bytes(),
-        host_threads: u32::try_from(host.threads).unwrap_or(u32::MAX),
-        host_simd: host.simd.to_string(),
-    };
-    Ok(RunOutput { report, host, frame })
+}
+
+/// What a program drew, which is the same on every machine.
+struct Finished<'a> {
+    program: &'a Program,
+    receivers: usize,
+    frame: Frame,
+    warnings: Vec<Warning>,
+    judged: Option<Judged>,
+}
+
+/// How far a picture is from its reference.
+struct Judged {
+    error: ImageError,
+    seconds: f64,
+    found: bool,
+}
+
+/// Seconds of the host.
+#[derive(Clone, Copy)]
+struct HostClock {
+    seconds: f64,
+    simulation_seconds: f64,
+}
+
+impl<'a> Finished<'a> {
+    fn new(request: &RunRequest, prepared: &Prepared, program: &'a Program) -> Finished<'a> {
+        let of_method =
+            |message: &String| Warning { kind: WarningKind::MethodLimit, message: message.clone() };
+        let mut warnings = prepared.warnings.clone();
+        warnings.extend(program.warnings.iter().map(of_method));
+        let visibility = &program.shadows.visibility;
+        let wrong = visibility.iter().find(|visible| !(0.0..=1.0).contains(*visible));
+        assert!(wrong.is_none(), "`{}` leaves a visibility of {wrong:?}", request.algorithm);
+        let Prepared { input, cosine, .. } = prepared;
+        let frame = Frame::new(request.scene.image, &input.receiver_pixel, cosine, visibility);
+        Finished { program, receivers: input.receivers.len(), frame, warnings, judged: None }
+    }
+
+    /// Judges the picture, where that is asked for: by the host, untimed.
+    fn judge(
+        &mut self,
+        request: &RunRequest,
+        prepared: &Prepared,
+        progress: &dyn Progress,
+    ) -> Result<(), BadInput> {
+        let Some(asked) = &request.reference else { return Ok(()) };
+        let (scene, threads) = (&request.scene, request.host.threads);
+        let reference = on_host_threads(threads, || asked.run(scene, self.receivers, progress))??;
+        let error = reference.judge(asked.samples, &self.program.shadows.visibility);
+        let truth: Vec<f32> = reference.truth.visibility().iter().map(|visible| *visible as f32).collect();
+        self.frame.reference = Some(self.frame.spread(&prepared.input.receiver_pixel, &truth));
+        self.judged = Some(Judged { error, seconds: reference.seconds, found: reference.found });
+        Ok(())
+    }
+
+    /// The reports of a machine on which the phases cost this.
+    fn on(
+        &self,
+        request: &RunRequest,
+        machine: &Machine,
+        phases: &[PhaseCosts],
+        clock: HostClock,
+    ) -> (RunReport, HostReport) {
+        let RunRequest { host, warm_frames, .. } = request;
+        let mut report = report(request, machine, self, phases);
+        report.image.error = self.judged.as_ref().map(|judged| judged.error);
+        let instructions: u64 = report.phases.iter().map(|phase| phase.instructions.total).sum();
+        let host = HostReport {
+            node: node(),
+            seconds: clock.seconds,
+            reference_seconds: self.judged.as_ref().map(|judged| judged.seconds),
+            reference_found: self.judged.as_ref().map(|judged| judged.found),
+            simulated_instructions_per_second: (instructions * (1 + u64::from(*warm_frames))) as f64
+                / clock.simulation_seconds.max(1e-9),
+            peak_rss_bytes: peak_rss_bytes(),
+            host_threads: u32::try_from(host.threads).unwrap_or(u32::MAX),
+            host_simd: host.simd.to_string(),
+        };
+        (report, host)
+    }
 }
 
 /// Refuses a number of warm frames that is a slip.
@@ -178,54 +316,58 @@ pub(crate) fn on_host_threads<T: Send>(
 }
 
 /// What a program left behind.
-struct Simulated {
-    phases: Vec<PhaseCosts>,
+struct Program {
     shadows: Shadows,
     /// What the method has against its own result.
     warnings: Vec<String>,
 }
 
-/// Runs the program of a frame in an arena of its own.
-fn simulate(
+/// Runs the program of a frame in an arena of its own, its steps by `run_step`.
+fn run_program(
     algorithm: &Algorithm,
     input: &ShadowInput,
-    engine: &mut Engine,
     progress: &dyn Progress,
-) -> Result<Simulated, BadInput> {
+    mut run_step: impl FnMut(&'static Phase, &Step, &mut Arena) -> Result<(), BadInput>,
+) -> Result<Program, BadInput> {
     let mut arena = Arena::reserve().map_err(no_memory)?;
-    let mut phases: Vec<PhaseCosts> = Vec::new();
     let mut refusal = None;
     let mut run_step = |phase: &'static Phase, step: &Step, arena: &mut Arena| {
         debug_assert!(algorithm.phases().contains(phase), "`{}` is no phase that studies may name", phase.id);
-        let cost = arena.check().map_err(no_memory).and_then(|()| {
+        let done = arena.check().map_err(no_memory).and_then(|()| {
             progress.step(phase.title, step.tasks());
-            engine.run(step, arena, progress)
+            run_step(phase, step, arena)
         });
-        let cost = cost.map_err(|bad| {
+        done.map_err(|bad| {
             refusal = Some(bad);
             Stopped
-        })?;
-        progress.uops(cost.issued);
-        // A program may come back to a phase, as for each light of several.
-        let row = phases.iter().position(|row| row.phase == phase).unwrap_or_else(|| {
-            phases.push(PhaseCosts { phase, steps: Vec::new(), core_busy_cycles: None });
-            phases.len() - 1
-        });
-        let last = &mut phases[row];
-        last.steps.push((step.name(), cost));
-        if let Some(busy) = engine.core_busy_cycles() {
-            let sums = last.core_busy_cycles.get_or_insert_with(|| vec![0; busy.len()]);
-            sums.iter_mut().zip(busy).for_each(|(sum, cycles)| *sum += cycles);
-        }
-        Ok(())
+        })
     };
     let mut runner = Runner::new(&mut arena, &mut run_step);
     let shadows = algorithm.run(input, &mut runner);
     let warnings = runner.warnings;
     match (shadows, refusal) {
-        (Ok(shadows), None) => Ok(Simulated { phases, shadows, warnings }),
+        (Ok(shadows), None) => Ok(Program { shadows, warnings }),
         (_, Some(refusal)) => Err(refusal),
         (Err(stopped), None) => Err(BadInput::new(stopped.to_string())),
+    }
+}
+
+/// Adds what a step of a phase cost to the row of the phase. A program may come back to one, as for each light of several.
+fn add_cost(
+    phases: &mut Vec<PhaseCosts>,
+    (phase, step): (&'static Phase, &'static str),
+    cost: StepReport,
+    busy_cycles: Option<Vec<u64>>,
+) {
+    let row = phases.iter().position(|row| row.phase == phase).unwrap_or_else(|| {
+        phases.push(PhaseCosts { phase, steps: Vec::new(), core_busy_cycles: None });
+        phases.len() - 1
+    });
+    let row = &mut phases[row];
+    row.steps.push((step, cost));
+    if let Some(busy) = busy_cycles {
+        let sums = row.core_busy_cycles.get_or_insert_with(|| vec![0; busy.len()]);
+        sums.iter_mut().zip(busy).for_each(|(sum, cycles)| *sum += cycles);
     }
 }
 
@@ -236,21 +378,16 @@ pub(crate) fn no_memory(error: ArenaError) -> BadInput {
     )
 }
 
-fn report(
-    request: &RunRequest,
-    receivers: usize,
-    simulated: &Simulated,
-    frame: &Frame,
-    warnings: Vec<Warning>,
-) -> RunReport {
-    let RunRequest { scene, machine, fidelity, .. } = request;
+fn report(request: &RunRequest, machine: &Machine, finished: &Finished, phases: &[PhaseCosts]) -> RunReport {
+    let RunRequest { scene, fidelity, .. } = request;
+    let Finished { program, receivers, frame, warnings, .. } = finished;
     let timed = fidelity.is_timed();
     // Kernels that look for no silhouettes, as for a point light, count none; the scene still has them.
-    let silhouette_edges = simulated.shadows.silhouette_edges.unwrap_or_else(|| {
+    let silhouette_edges = program.shadows.silhouette_edges.unwrap_or_else(|| {
         silhouette_edges(&scene.mesh, &Adjacency::new(&scene.mesh), scene.light.center()) as u64
     });
     let clock = Clock { clock_ghz: machine.config.clock_ghz, cores: machine.config.cores };
-    let phases = phase_reports(&simulated.phases, timed.then_some(clock));
+    let phases = phase_reports(phases, timed.then_some(clock));
     RunReport {
         schema_version: SCHEMA_VERSION,
         provenance: Provenance {
@@ -267,7 +404,7 @@ fn report(
             name: scene.name.clone(),
             triangles: scene.mesh.triangles.len() as u64,
             silhouette_edges,
-            receivers: receivers as u64,
+            receivers: *receivers as u64,
             width: frame.width,
             height: frame.height,
             light: serde_json::to_value(scene.light).expect("a light has string keys"),
@@ -277,7 +414,7 @@ fn report(
         phases,
         image: ImageSummary::of(&frame.visibility),
         model_error: crate::validate::model_error(),
-        warnings,
+        warnings: warnings.clone(),
     }
 }
 

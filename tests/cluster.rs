@@ -17,12 +17,13 @@ use common::{Folder, lrbsim, names};
 use lrbsim::progress::Stopwatch;
 use serde_json::Value;
 
-/// A study of `cores` x `hops` points that take a hundredth of a second each, or with `cycle` a fifth.
-fn study(name: &str, fidelity: &str, cores: u32, hops: u32) -> String {
+/// A study of `cores` x `lamps` points that take a hundredth of a second each, or with `cycle` a fifth. With one number of cores no two are
+/// served by one functional run: each ends by itself.
+fn study(name: &str, fidelity: &str, cores: u32, lamps: u32) -> String {
     let cores: Vec<u32> = (1..=cores).collect();
-    let hops: Vec<u32> = (1..=hops).collect();
+    let radii: Vec<f64> = (1..=lamps).map(|lamp| 0.2 + f64::from(lamp) / 1000.0).collect();
     serde_json::json!({"name": name, "base": {"scene": "tiny", "fidelity": fidelity},
-        "axes": [{"path": "cores", "values": cores}, {"path": "ring.hop_cycles", "values": hops}],
+        "axes": [{"path": "cores", "values": cores}, {"path": "scene.light.radius", "values": radii}],
         "metric": "phases.soft.instructions.total"})
     .to_string()
 }
@@ -559,7 +560,7 @@ fn slurm_is_asked_only_where_it_is_needed_and_somebody_who_leaves_can_come_back(
 #[test]
 fn a_worker_that_is_killed_fifty_times_loses_nothing() {
     let folder = Folder::new();
-    let text = study("killed", "functional", 20, 12).replace("\"tiny\"", "\"tiny\",\"warm_frames\":2");
+    let text = study("killed", "functional", 1, 240).replace("\"tiny\"", "\"tiny\",\"warm_frames\":2");
     folder.write("killed.json", &text);
     let line = export(&folder, &["killed.json", "--shards", "1"]).remove(0);
     let cache = folder.path("out/cache");
@@ -835,7 +836,7 @@ fn as_here(folder: &Folder, here: &BTreeMap<String, Vec<u8>>, before: &BTreeMap<
 #[test]
 fn a_cluster_loses_a_node_and_its_submitter_and_then_its_controller() {
     let Some(cluster) = Cluster::start() else { return };
-    let text = study("forty", "cycle", 10, 4);
+    let text = study("forty", "cycle", 1, 40);
     let new = || {
         let folder = Folder::new();
         folder.write("forty.json", &text);
@@ -908,7 +909,7 @@ fn a_cluster_loses_a_node_and_its_submitter_and_then_its_controller() {
 
     // One who leaves is told how to come back; tasks that somebody ends are named with what they said last.
     let folder = Folder::new();
-    folder.write("many.json", &study("many", "cycle", 10, 30));
+    folder.write("many.json", &study("many", "cycle", 1, 300));
     let cache = folder.path("out/cache");
     let submitter = cluster.submit(&folder, "many.json");
     until("some points are finished", || count(&cache) >= 2);

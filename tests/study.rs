@@ -44,6 +44,41 @@ fn finished(cache: &Path) -> BTreeMap<String, SystemTime> {
     files
 }
 
+/// Checks that each point is what `run` with `args` gives for its machine alone, to the last bit.
+#[track_caller]
+fn points_are_what_run_gives(folder: &Folder, study: &StudyReport, args: &[&str]) {
+    for cores in [1, 8] {
+        for l2 in [131_072, 262_144] {
+            let set = [format!("cores={cores}"), format!("l2.capacity_bytes={l2}")];
+            let args = [&["run", "tiny", "--json", "--set", &set[0], "--set", &set[1]], args].concat();
+            let report = folder.run(&args).ok().stdout();
+            let mut report: lrbsim_reports::RunReport = serde_json::from_str(&report).expect("a report");
+            report.machine.sources.clear();
+            let point = study.at(&[cores.into(), l2.into()]).expect("a point of the study");
+            assert_eq!(*point, report, "{set:?} {args:?}");
+        }
+    }
+}
+
+/// One functional run serves several machines, at every level but the one at which the machine says what is recorded.
+#[test]
+fn machines_that_share_a_run_give_what_each_gives_alone() {
+    let folder = Folder::new();
+    for (jobs, base, args) in [
+        ("2", "\"fidelity\": \"functional\"", &["--fidelity", "functional"][..]),
+        ("1", "\"fidelity\": \"roofline\"", &["--fidelity", "roofline"]),
+        ("3", "\"fidelity\": \"cycle\", \"warm_frames\": 1", &["--fidelity", "cycle", "--warm-frames", "1"]),
+        ("2", "\"fidelity\": \"sampled\"", &["--fidelity", "sampled"]),
+        ("1", "\"reference\": 16, \"algorithm\": \"pcss\"", &["--reference", "16", "-a", "pcss"]),
+    ] {
+        let text = STUDY.replace("\"scene\": \"tiny\"", &format!("\"scene\": \"tiny\", {base}"));
+        let start = text.find("  \"analysis\"").expect("the last line");
+        folder.write("small.json", &format!("{}  \"analysis\": [\"table\"]\n}}", &text[..start]));
+        folder.run(&["study", "small.json", "-j", jobs]).ok();
+        points_are_what_run_gives(&folder, &results(&folder, "out/study-small/study.json"), args);
+    }
+}
+
 #[test]
 fn a_study_leaves_tables_plots_and_its_results() {
     let folder = Folder::new();
@@ -62,13 +97,7 @@ fn a_study_leaves_tables_plots_and_its_results() {
     let study = results(&folder, "out/study-small/study.json");
     let one = study.at(&[1.into(), 262144.into()]).expect("a point of the study");
     assert_eq!(one.machine.cores, 1);
-    // A point is what `run` gives for the same machine.
-    let report =
-        folder.run(&["run", "tiny", "--json", "--set", "cores=1", "--set", "l2.capacity_bytes=262144"]);
-    let mut report: lrbsim_reports::RunReport =
-        serde_json::from_str(&report.ok().stdout()).expect("a report");
-    report.machine.sources.clear();
-    assert_eq!(*one, report);
+    points_are_what_run_gives(&folder, &study, &[]);
 
     // Again: nothing is run, and the results are the same bytes.
     let read = |name: &str| std::fs::read(folder.path(&format!("out/study-small/{name}"))).expect("readable");

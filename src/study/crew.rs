@@ -5,6 +5,8 @@ use std::panic::AssertUnwindSafe;
 use std::sync::{Condvar, Mutex, MutexGuard};
 use std::time::Duration;
 
+use lrbsim_machine::Seats;
+
 use super::cache::{Cache, Claim, Entry};
 use super::ledger::{Ledger, Outcome};
 use super::memory;
@@ -15,6 +17,12 @@ use crate::host::Stopwatch;
 
 /// How often progress is told, and how long a point waits for memory or another process before it asks again.
 const TICK: Duration = Duration::from_millis(100);
+
+/// Points that one functional run serves at most: they are finished together, and whoever stops a study loses them together.
+const TOGETHER_MAX: usize = 8;
+
+/// Points that are looked at for others that go with one: they are near one another, and there may be a million.
+const LOOKED_AT_MAX: usize = 4096;
 
 /// Where points that are finished are found, and where they are put.
 pub(super) trait Store: Sync {
@@ -39,7 +47,7 @@ pub(super) fn run(
     watch: Stopwatch,
     progress: &dyn StudyProgress,
 ) -> Result<(Vec<Outcome>, Status), BadInput> {
-    let crew = Crew::new(work, store, watch);
+    let crew = Crew::new(work, store, jobs, watch);
     std::thread::scope(|scope| {
         for _ in 0..jobs.max(1) {
             scope.spawn(|| crew.work());
@@ -61,6 +69,8 @@ struct Crew<'a> {
     store: &'a dyn Store,
     watch: Stopwatch,
     memory_budget: u64,
+    /// Threads that compute at once, in whatever run.
+    seats: Seats,
     state: Mutex<State>,
     changed: Condvar,
 }
@@ -92,7 +102,7 @@ impl State {
 }
 
 impl<'a> Crew<'a> {
-    fn new(work: &'a Work<'a>, store: &'a dyn Store, watch: Stopwatch) -> Crew<'a> {
+    fn new(work: &'a Work<'a>, store: &'a dyn Store, jobs: usize, watch: Stopwatch) -> Crew<'a> {
         let mut state = State {
             waiting: VecDeque::new(),
             busy: BTreeMap::new(),
@@ -114,8 +124,8 @@ impl<'a> Crew<'a> {
         // The dearest first: the end is then not one worker's.
         let cost = |index: &usize| work.tasks[*index].as_ref().map_or(0.0, |task| task.work);
         state.waiting.make_contiguous().sort_by(|a, b| cost(b).total_cmp(&cost(a)));
-        let memory_budget = memory::budget();
-        Crew { work, store, watch, memory_budget, state: Mutex::new(state), changed: Condvar::new() }
+        let (memory_budget, seats) = (memory::budget(), Seats::new(jobs));
+        Crew { work, store, watch, memory_budget, seats, state: Mutex::new(state), changed: Condvar::new() }
     }
 
     fn state(&self) -> MutexGuard<'_, State> {
@@ -139,64 +149,108 @@ impl<'a> Crew<'a> {
 
     /// Runs points until there are none.
     fn work(&self) {
-        while let Some((index, task)) = self.next() {
+        while let Some(points) = self.next() {
             // A thread that dies would be waited for without end.
-            let computed = std::panic::catch_unwind(AssertUnwindSafe(|| self.compute(index, task)));
-            let attempt = computed.unwrap_or_else(|panic| {
+            let computed = std::panic::catch_unwind(AssertUnwindSafe(|| self.compute(&points)));
+            let attempts = computed.unwrap_or_else(|panic| {
                 let said = said(panic.as_ref());
-                Err(BadInput::new(format!("point {}: lrbsim itself failed: {said}", task.point)))
+                let point = self.task(points[0]).point;
+                Err(BadInput::new(format!("point {point}: lrbsim itself failed: {said}")))
             });
             let mut state = self.state();
-            state.running -= 1;
-            state.memory -= task.memory;
-            match attempt {
-                Ok(Attempt::Busy) => {
-                    let now = self.now();
-                    state.busy.entry(index).or_insert(now);
-                    state.waiting.push_back(index);
+            state.running -= points.len();
+            state.memory -= self.memory(&points);
+            match attempts {
+                Ok(attempts) => {
+                    for (index, attempt) in points.into_iter().zip(attempts) {
+                        match attempt {
+                            Attempt::Busy => {
+                                let now = self.now();
+                                state.busy.entry(index).or_insert(now);
+                                state.waiting.push_back(index);
+                            }
+                            Attempt::Found(outcome) => state.ledger.end(index, outcome, false),
+                            Attempt::Ran(outcome) => state.ledger.end(index, outcome, true),
+                        }
+                    }
                 }
-                Ok(Attempt::Found(outcome)) => state.ledger.end(index, outcome, false),
-                Ok(Attempt::Ran(outcome)) => state.ledger.end(index, outcome, true),
                 Err(bad) => state.fatal = Some(bad),
             }
             self.changed.notify_all();
         }
     }
 
-    /// The next point for which there is room; waits for it.
-    fn next(&self) -> Option<(usize, &Task)> {
+    fn task(&self, index: usize) -> &'a Task {
+        self.work.tasks[index].as_ref().expect("only points that can be run wait")
+    }
+
+    /// Bytes that points take together.
+    fn memory(&self, points: &[usize]) -> u64 {
+        Task::memory(&points.iter().map(|index| self.task(*index)).collect::<Vec<_>>())
+    }
+
+    /// The next point for which there is room, with others that one functional run serves too; waits for it.
+    fn next(&self) -> Option<Vec<usize>> {
         let mut state = self.state();
         loop {
             if state.waiting.is_empty() || state.fatal.is_some() {
                 return None;
             }
-            let task =
-                |index: usize| self.work.tasks[index].as_ref().expect("only points that can be run wait");
-            let fits = |index: &usize| state.has_room(task(*index).memory, self.memory_budget);
-            if let Some(place) = state.waiting.iter().position(fits) {
-                let index = state.waiting.remove(place).expect("it was found there");
-                state.running += 1;
-                state.memory += task(index).memory;
+            let fits = |points: &[usize]| state.has_room(self.memory(points), self.memory_budget);
+            if let Some(first) = state.waiting.iter().copied().find(|index| fits(&[*index])) {
+                let mut points = vec![first];
+                for index in state.waiting.iter().copied().filter(|index| *index != first).take(LOOKED_AT_MAX)
+                {
+                    if points.len() < TOGETHER_MAX && self.task(first).goes_with(self.task(index)) {
+                        points.push(index);
+                        if self.memory(&points) > self.memory_budget.saturating_sub(state.memory) {
+                            points.pop();
+                            break;
+                        }
+                    }
+                }
+                state.waiting.retain(|index| !points.contains(index));
+                state.running += points.len();
+                state.memory += self.memory(&points);
                 let now = self.now();
-                state.ledger.forecast.begin(index, now);
-                return Some((index, task(index)));
+                points.iter().for_each(|index| state.ledger.forecast.begin(*index, now));
+                return Some(points);
             }
             state = self.changed.wait_timeout(state, TICK).expect("nobody panics with the state in hand").0;
         }
     }
 
-    fn compute(&self, index: usize, task: &Task) -> Result<Attempt, BadInput> {
-        let waited = self.state().busy.get(&index).map_or(0.0, |since| self.now() - since);
-        let Some(claim) = self.store.claim(&task.key, waited)? else {
-            std::thread::sleep(TICK);
-            return Ok(Attempt::Busy);
-        };
-        if let Some(outcome) = self.store.find(&task.key) {
-            return Ok(Attempt::Found(outcome));
+    /// Runs points that go together, but for those that other processes compute or have computed.
+    fn compute(&self, points: &[usize]) -> Result<Vec<Attempt>, BadInput> {
+        let mut attempts: Vec<Attempt> = Vec::new();
+        let mut claimed: Vec<(usize, Claim)> = Vec::new();
+        for (place, index) in points.iter().enumerate() {
+            let waited = self.state().busy.get(index).map_or(0.0, |since| self.now() - since);
+            let key = &self.task(*index).key;
+            attempts.push(match self.store.claim(key, waited)? {
+                None => Attempt::Busy,
+                Some(claim) => match self.store.find(key) {
+                    Some(outcome) => Attempt::Found(outcome),
+                    None => {
+                        claimed.push((place, claim));
+                        // Until it is known how it ends.
+                        Attempt::Busy
+                    }
+                },
+            });
         }
-        let mut outcome = self.work.run(task, self.store.cache().folder());
-        self.store.keep(&claim, task, outcome.as_mut().map_err(|fault| &*fault))?;
-        Ok(Attempt::Ran(outcome.map(|entry| entry.host.seconds).map_err(|fault| fault.message)))
+        if claimed.is_empty() {
+            std::thread::sleep(TICK);
+            return Ok(attempts);
+        }
+        let tasks: Vec<&Task> = claimed.iter().map(|(place, _)| self.task(points[*place])).collect();
+        let outcomes = self.work.run(&tasks, &self.seats, self.store.cache().folder());
+        for (((place, claim), task), mut outcome) in claimed.iter().zip(tasks).zip(outcomes) {
+            self.store.keep(claim, task, outcome.as_mut().map_err(|fault| &*fault))?;
+            attempts[*place] =
+                Attempt::Ran(outcome.map(|entry| entry.host.seconds).map_err(|fault| fault.message));
+        }
+        Ok(attempts)
     }
 }
 

@@ -23,17 +23,24 @@ const LINE_BYTES: u64 = 40;
 /// Bytes that a point takes for each simulated hardware thread: its stream of uops.
 const THREAD_BYTES: u64 = 1 << 20;
 
-/// Memory that a point takes, generously.
-pub fn estimate(scene: &Scene, machine: &Machine) -> u64 {
-    let config = &machine.config;
+/// Memory that points of a scene take however many machines run it, generously.
+pub fn of_scene(scene: &Scene) -> u64 {
     let pixels = u64::from(scene.image.width) * u64::from(scene.image.height);
-    let cores = u64::from(config.cores);
-    let lines = (config.l1d.capacity_bytes + config.l2.capacity_bytes) / 64;
     BASE_BYTES
         .saturating_add(pixels * PIXEL_BYTES)
         .saturating_add(scene.mesh.triangles.len() as u64 * TRIANGLE_BYTES)
-        .saturating_add(cores.saturating_mul(lines).saturating_mul(LINE_BYTES))
-        .saturating_add(cores.saturating_mul(u64::from(config.threads_per_core)).saturating_mul(THREAD_BYTES))
+}
+
+/// Memory that a machine takes, generously.
+pub fn of_machine(machine: &Machine) -> u64 {
+    let config = &machine.config;
+    let cores = u64::from(config.cores);
+    let lines = (config.l1d.capacity_bytes + config.l2.capacity_bytes) / 64;
+    let threads = cores.saturating_mul(u64::from(config.threads_per_core));
+    cores
+        .saturating_mul(lines)
+        .saturating_mul(LINE_BYTES)
+        .saturating_add(threads.saturating_mul(THREAD_BYTES))
 }
 
 /// Memory that points may take together: most of what is available, or no bound where the host does not tell.
@@ -63,7 +70,7 @@ mod tests {
         let scene = crate::inputs::scene("tiny").expect("shipped");
         let load = |settings: &[&str]| {
             let settings: Vec<_> = settings.iter().map(|text| text.parse().expect("PATH=VALUE")).collect();
-            estimate(&scene, &Machine::load("larrabee-24", &settings).expect("sound"))
+            of_scene(&scene) + of_machine(&Machine::load("larrabee-24", &settings).expect("sound"))
         };
         assert!(load(&["cores=1"]) < load(&[]) && load(&[]) < load(&["cores=1024"]));
         assert!(load(&["cores=1024"]) < 8 << 30, "{}", load(&["cores=1024"]));

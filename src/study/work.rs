@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use lrbsim_isa::host::HostSimd;
-use lrbsim_machine::Fidelity;
+use lrbsim_machine::{Fidelity, Seats};
 use lrbsim_workloads::Scene;
 
 use super::cache::{Entry, Inputs, SceneId};
@@ -15,7 +15,8 @@ use super::forecast::Forecast;
 use super::memory;
 use super::recipe::Recipe;
 use crate::error::BadInput;
-use crate::frame::{HostOptions, RunRequest, machine_hash, run_frame};
+use crate::frame::{HostOptions, RunOutput, RunRequest, machine_hash, run_frame, run_on_machines};
+use crate::inputs::Machine;
 use crate::progress::Quiet;
 use crate::reference::ReferenceRequest;
 
@@ -40,8 +41,10 @@ pub(super) struct Task {
     pub key: String,
     /// Work in units that are the same for all points of a kind.
     pub work: f64,
-    /// Bytes that it takes.
-    pub memory: u64,
+    /// Bytes that it takes beside those of its scene.
+    machine_memory: u64,
+    /// What points have in common that can be run together; empty for one that runs alone.
+    together: String,
     fidelity: Fidelity,
     /// Rays of the reference that its picture is judged by.
     reference: Option<u32>,
@@ -53,14 +56,14 @@ struct KnownScene {
     id: SceneId,
     /// Work of one frame, in units that are the same for all scenes.
     work: f64,
-    /// Bytes that the first point with it takes.
+    /// Bytes that points with it take beside those of their machines.
     memory: u64,
     /// The scene itself; `None` past those that are kept.
     kept: Option<Scene>,
 }
 
 /// Why a point has no result.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct Fault {
     /// What is wrong, on one line.
     pub message: String,
@@ -129,28 +132,29 @@ impl<'a> Work<'a> {
                 let scene = Arc::new(KnownScene {
                     id: SceneId::of(&scene),
                     work: pixels + 4.0 * scene.mesh.triangles.len() as f64,
-                    memory: memory::estimate(&scene, &machine),
+                    memory: memory::of_scene(&scene),
                     kept: (scenes.len() < SCENES_KEPT).then_some(scene),
                 });
                 scenes.insert(text, scene.clone());
                 scene
             }
         };
-        let key = Inputs {
-            machine_hash: &machine_hash(&machine),
-            scene: &scene.id,
-            algorithm: &recipe.algorithm()?.to_string(),
-            fidelity: &fidelity.to_string(),
-            warm_frames: recipe.warm_frames(),
-            reference: recipe.reference(),
-            pictures: self.study.file.base.pictures,
-        }
-        .key();
-        // The caches of another machine may be larger.
-        let memory = match &scene.kept {
-            Some(scene) => memory::estimate(scene, &machine),
-            None => scene.memory,
+        let algorithm = recipe.algorithm()?.to_string();
+        let inputs = |machine: &str| {
+            Inputs {
+                machine_hash: machine,
+                scene: &scene.id,
+                algorithm: &algorithm,
+                fidelity: &fidelity.to_string(),
+                warm_frames: recipe.warm_frames(),
+                reference: recipe.reference(),
+                pictures: self.study.file.base.pictures,
+            }
+            .key()
         };
+        let key = inputs(&machine_hash(&machine));
+        let together = if fidelity.takes_many() { inputs("any") } else { String::new() };
+        let machine_memory = memory::of_machine(&machine);
         let level = match fidelity {
             Fidelity::Functional => 0.1,
             Fidelity::Roofline => 0.12,
@@ -161,37 +165,70 @@ impl<'a> Work<'a> {
         // More cores share more lines: measured, 64 of them cost 1.6 times the host time of one.
         let sharing = 1.0 + 0.1 * f64::from(machine.config.cores).log2();
         let work = scene.work * level * sharing * f64::from(1 + recipe.warm_frames());
-        Ok(Task { point, key, work, memory, fidelity, reference: recipe.reference(), scene })
+        Ok(Task {
+            point,
+            key,
+            work,
+            machine_memory,
+            together,
+            fidelity,
+            reference: recipe.reference(),
+            scene,
+        })
     }
 
-    /// Runs the point of `task`; references are kept in the folder `cache`.
-    pub fn run(&self, task: &Task, cache: &Path) -> Result<Entry, Fault> {
-        let failed = |bad: BadInput| Fault {
-            message: explained(&bad),
-            of: if bad.is_passing() { FaultOf::Host } else { FaultOf::Point },
-        };
-        let recipe = self.recipe(task.point).map_err(failed)?;
+    /// Runs the points of `tasks`, which can be run together ([`Task::goes_with`]), with no more threads than `seats` at once; references
+    /// are kept in the folder `cache`.
+    pub fn run(&self, tasks: &[&Task], seats: &Seats, cache: &Path) -> Vec<Result<Entry, Fault>> {
+        // A defect of the simulator that points show is their result; the others go on.
+        let ran = std::panic::catch_unwind(AssertUnwindSafe(|| self.outputs(tasks, seats, cache)));
+        let outputs = ran.unwrap_or_else(|panic| {
+            let message = format!("the simulator failed: {}", said(panic.as_ref()));
+            Err(Fault { message, of: FaultOf::Point })
+        });
+        match outputs {
+            Ok(outputs) => tasks
+                .iter()
+                .zip(outputs)
+                .map(|(task, output)| self.entry(task, output.map_err(failed)?))
+                .collect(),
+            Err(fault) => tasks.iter().map(|_| Err(fault.clone())).collect(),
+        }
+    }
+
+    fn outputs(
+        &self,
+        tasks: &[&Task],
+        seats: &Seats,
+        cache: &Path,
+    ) -> Result<Vec<Result<RunOutput, BadInput>>, Fault> {
+        let first = tasks[0];
+        let recipe = self.recipe(first.point).map_err(failed)?;
+        let machine = |task: &&Task| self.recipe(task.point)?.machine();
+        let machines = tasks.iter().map(machine).collect::<Result<Vec<Machine>, _>>().map_err(failed)?;
         let request = RunRequest {
-            scene: match &task.scene.kept {
+            scene: match &first.scene.kept {
                 Some(scene) => scene.clone(),
                 None => recipe.scene().map_err(failed)?,
             },
-            machine: recipe.machine().map_err(failed)?,
+            machine: machines[0].clone(),
             algorithm: recipe.algorithm().map_err(failed)?,
-            fidelity: task.fidelity,
+            fidelity: first.fidelity,
             warm_frames: recipe.warm_frames(),
-            reference: task
+            reference: first
                 .reference
                 .map(|samples| ReferenceRequest { samples, cache: Some(cache.to_owned()) }),
             host: HostOptions { threads: 1, simd: HostSimd::detect() },
         };
-        // A defect of the simulator that one point shows is that point's result; the others go on.
-        let output = std::panic::catch_unwind(AssertUnwindSafe(|| run_frame(&request, &Quiet)))
-            .map_err(|panic| Fault {
-                message: format!("the simulator failed: {}", said(panic.as_ref())),
-                of: FaultOf::Point,
-            })?
-            .map_err(failed)?;
+        if tasks.len() > 1 {
+            return run_on_machines(&request, &machines, seats).map_err(failed);
+        }
+        let _seat = seats.take();
+        Ok(vec![run_frame(&request, &Quiet)])
+    }
+
+    /// What is stored of a point.
+    fn entry(&self, task: &Task, output: RunOutput) -> Result<Entry, Fault> {
         let entry = Entry::new(output, self.study.file.base.pictures);
         if entry.key != task.key {
             // The key says what was asked for and the entry what was run: files that are read again may be others.
@@ -205,7 +242,23 @@ impl<'a> Work<'a> {
     }
 }
 
+/// Why a point has no result that was refused.
+fn failed(bad: BadInput) -> Fault {
+    Fault { message: explained(&bad), of: if bad.is_passing() { FaultOf::Host } else { FaultOf::Point } }
+}
+
 impl Task {
+    /// Whether one functional run serves both.
+    pub fn goes_with(&self, other: &Task) -> bool {
+        !self.together.is_empty() && self.together == other.together
+    }
+
+    /// Bytes that points take which are run together.
+    pub fn memory(together: &[&Task]) -> u64 {
+        let scene = together.first().map_or(0, |task| task.scene.memory);
+        together.iter().map(|task| task.machine_memory).fold(scene, u64::saturating_add)
+    }
+
     /// Points of one kind have the same cost for the same work.
     pub fn kind(&self) -> String {
         format!("{:?} {} {:?}", self.scene.id, self.fidelity, self.reference)
@@ -245,9 +298,10 @@ mod tests {
         let mut task = work.tasks.remove(0).expect("a sound point");
         // As of a scene beyond those that are kept loaded.
         Arc::get_mut(&mut task.scene).expect("nobody else has it").kept = None;
-        assert_eq!(work.run(&task, folder.path()).expect("the model is as it was").key, task.key);
+        let run = |task: &Task| work.run(&[task], &Seats::new(1), folder.path()).remove(0);
+        assert_eq!(run(&task).expect("the model is as it was").key, task.key);
         write("f 1 2 3\nf 1 2 4\n");
-        let refusal = work.run(&task, folder.path()).expect_err("another model");
+        let refusal = run(&task).expect_err("another model");
         assert_eq!(refusal.of, FaultOf::Files);
         assert!(refusal.message.contains("scene `model` changed while the study ran"), "{refusal:?}");
     }

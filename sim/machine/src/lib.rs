@@ -21,6 +21,7 @@ pub mod counters;
 mod division;
 mod exchange;
 pub mod fidelity;
+pub mod fleet;
 mod memory;
 pub mod observer;
 mod occupancy;
@@ -29,6 +30,7 @@ mod ring;
 mod roofline;
 mod sampled;
 mod scheduler;
+mod tape;
 pub mod timing;
 mod when;
 
@@ -43,6 +45,7 @@ pub use counters::{Bounds, Cause, CycleStack, PhaseCounters, StepReport};
 pub use fidelity::Fidelity;
 pub use observer::Observer;
 pub use sampled::Sampling;
+pub use tape::{Seat, Seats};
 pub use timing::Timing;
 
 /// A time or a number of core cycles.

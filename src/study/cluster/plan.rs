@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use super::super::file::Study;
 use super::super::run::StudyProgress;
-use super::super::work::Work;
+use super::super::work::{Task, Work};
 use super::store::{PATIENCE_SECONDS, PlanStore};
 use crate::error::BadInput;
 use crate::frame::SEMANTICS;
@@ -143,9 +143,8 @@ impl Plan {
                     .with_help("a plan names its folders in JSON; work in a folder with another name")),
             }
         };
-        let of_task = |task: &Result<_, String>, key: fn(&super::super::work::Task) -> String| {
-            task.as_ref().map(key).unwrap_or_default()
-        };
+        let of_task =
+            |task: &Result<_, String>, key: fn(&Task) -> String| task.as_ref().map(key).unwrap_or_default();
         let basis = Basis {
             lrbsim_version: env!("CARGO_PKG_VERSION").to_owned(),
             semantics: SEMANTICS,
@@ -154,7 +153,7 @@ impl Plan {
             path: study.path.as_deref().map(absolute).transpose()?,
             directory: absolute(Path::new("."))?,
             cache: absolute(cache)?,
-            memory: work.tasks.iter().flatten().map(|task| task.memory).max().unwrap_or(0),
+            memory: work.tasks.iter().flatten().map(|task| Task::memory(&[task])).max().unwrap_or(0),
             keys: work.tasks.iter().map(|task| of_task(task, |task| task.key.clone())).collect(),
         };
         let hash = basis.hash();

@@ -6,8 +6,8 @@
 //!                                                   any machine: profile ─► limits ─► cycles ◄┘
 //! ```
 //!
-//! Nothing is simulated: no cache has contents and no message a time, so that queues and bursts are not there ([Williams et al. 2009]
-//! for one limit of computing and one of memory). The profile is the same for all machines; a further one costs microseconds. It ranks
+//! Nothing is simulated: no cache has contents and no message a time, so that queues and bursts are not there; [williams09] has
+//! the idea, with one limit of computing and one of memory. The profile is the same for all machines; a further one costs microseconds. It ranks
 //! machines and says which limit holds; times are to be had from the other levels.
 
 mod bounds;
@@ -46,16 +46,21 @@ const UOPS_MAX: u64 = 2 << 20;
 /// Groups that are read however long they are.
 const GROUPS_LEAST: u32 = 6;
 
-/// A machine whose steps take what limits them most.
+/// A machine whose steps take what limits them most, with what runs them.
 pub(crate) struct Roofline {
+    survey: Survey,
+    machine: Machine,
+}
+
+/// A machine whose steps take what limits them most.
+pub(crate) struct Machine {
     costs: Costs,
     cores: u32,
-    survey: Survey,
     activity: Vec<CoreActivity>,
 }
 
 /// What runs steps, and finds what they ask of any machine.
-struct Survey {
+pub(crate) struct Survey {
     reader: Reader,
     host_threads: usize,
     /// Steps so far.
@@ -85,7 +90,7 @@ impl Lengths {
 }
 
 /// What was found of a step.
-struct Found {
+pub(crate) struct Found {
     profile: Profile,
     /// What was counted.
     counts: StepReport,
@@ -93,7 +98,8 @@ struct Found {
 }
 
 impl Survey {
-    fn new(host_threads: usize) -> Survey {
+    /// One that has run nothing; at most `host_threads` host threads run tasks. How many these are changes no result.
+    pub(crate) fn new(host_threads: usize) -> Survey {
         // The machine whose latencies say in which order results come; the estimate has those of the machine that is asked for.
         let text = builtin_machine(builtin_machine_names()[0]).expect("shipped");
         let nominal: MachineConfig = serde_json::from_str(text).expect("shipped machines are sound");
@@ -102,7 +108,7 @@ impl Survey {
     }
 
     /// Runs the tasks of a step, and reads some of them.
-    fn step(&mut self, tasks: &dyn TaskSource) -> Found {
+    pub(crate) fn step(&mut self, tasks: &dyn TaskSource) -> Found {
         self.steps += 1;
         let count = tasks.tasks();
         let group = (count / (GROUPS_MIN * GROUP_TASKS)).clamp(1, GROUP_TASKS);
@@ -194,16 +200,23 @@ fn parts_of(tasks: impl Iterator<Item = u32>) -> Vec<Part> {
 impl Roofline {
     /// A machine; at most `host_threads` host threads run its tasks. How many these are changes no result.
     pub(crate) fn new(spec: &MachineSpec, host_threads: usize) -> Roofline {
-        Roofline {
-            costs: Costs::new(spec),
-            cores: spec.cores,
-            survey: Survey::new(host_threads),
-            activity: vec![CoreActivity::default(); spec.cores as usize],
-        }
+        Roofline { survey: Survey::new(host_threads), machine: Machine::new(spec) }
+    }
+}
+
+impl Machine {
+    pub(crate) fn new(spec: &MachineSpec) -> Machine {
+        let activity = vec![CoreActivity::default(); spec.cores as usize];
+        Machine { costs: Costs::new(spec), cores: spec.cores, activity }
+    }
+
+    /// What each core did in the last step, by core.
+    pub(crate) fn activity(&self) -> &[CoreActivity] {
+        &self.activity
     }
 
     /// The report of a step on this machine.
-    fn report(&mut self, found: &Found) -> StepReport {
+    pub(crate) fn report(&mut self, found: &Found) -> StepReport {
         let Found { profile, counts, lengths } = found;
         let tasks = counts.tasks as u32;
         let estimate = self.costs.estimate(profile, tasks, *lengths);
@@ -249,10 +262,10 @@ fn stack(estimate: &Estimate, cores: u64, cycles: Cycle, barrier: Cycle, issued:
 impl Timing for Roofline {
     fn run_step(&mut self, tasks: &dyn TaskSource) -> Result<StepReport, Stuck> {
         let found = self.survey.step(tasks);
-        Ok(self.report(&found))
+        Ok(self.machine.report(&found))
     }
 
     fn activity(&self) -> &[CoreActivity] {
-        &self.activity
+        self.machine.activity()
     }
 }

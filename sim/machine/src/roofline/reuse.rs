@@ -24,8 +24,8 @@ pub(super) fn kept(bin: usize, lines: f64) -> f64 {
     ((lines - least) / (end - least)).clamp(0.0, 1.0)
 }
 
-/// Distances of the accesses of a few tasks, exact: the number of distinct lines since the last access to the same one (Mattson et al.
-/// 1970), by a tree of counts over time (Fenwick 1994).
+/// Distances of the accesses of a few tasks, exact: the number of distinct lines since the last access to the same one [mattson70], by a tree
+/// of counts over time [fenwick94].
 #[derive(Debug, Default)]
 pub(super) struct Distances {
     /// Line and time of its last access, by hash; `EMPTY` where there is none.
