@@ -129,17 +129,18 @@ pub fn run_frame(request: &RunRequest, progress: &dyn Progress) -> Result<RunOut
     Ok(RunOutput { report, host, frame: finished.frame })
 }
 
-/// Runs what `request` asks for on each of `machines` in place of its own: the program once, for all of them, on no more host threads at
-/// once than there are `seats`. All that comes out is what [`run_frame`] would give for each, but for what it cost the host: each has its
-/// part of the whole.
+/// Runs what `request` asks for on each of `machines` in place of its own, and hands `each` their outputs, in order: the program runs once, for all
+/// of them, on no more host threads at once than there are `seats`. All that comes out is what [`run_frame`] would give for each, but for what it cost the host: each has its
+/// part of the threads that computed, as if all seats were theirs.
 ///
 /// # Errors
-/// What is wrong with all of them; in the list, what is wrong with one.
+/// What is wrong with all of them; what is wrong with one, `each` gets.
 pub(crate) fn run_on_machines(
     request: &RunRequest,
     machines: &[Machine],
     seats: &Seats,
-) -> Result<Vec<Result<RunOutput, BadInput>>, BadInput> {
+    mut each: impl FnMut(Result<RunOutput, BadInput>),
+) -> Result<(), BadInput> {
     let watch = Stopwatch::start();
     let progress = &Quiet;
     let mut seat = Some(seats.take());
@@ -149,12 +150,15 @@ pub(crate) fn run_on_machines(
     // Who waits for a seat has none.
     seat.take();
     let mut steps: Vec<(&'static Phase, &'static str)> = Vec::new();
-    let (program, costs) = request.fidelity.on_all(&specs, seats, |run| {
+    let (program, costs) = request.fidelity.on_all(&specs, seats, |machines| {
         let mut frame = || {
             steps.clear();
+            machines.frame();
             run_program(&request.algorithm, &prepared.input, progress, |phase, step, arena| {
                 steps.push((phase, step.name()));
-                with_tasks(step, arena, (request.host.simd, 1), progress, &mut *run)
+                let host = (request.host.simd, 1);
+                let is_wanted = with_tasks(step, arena, host, progress, |tasks| machines.run(tasks))?;
+                is_wanted.then_some(()).ok_or_else(|| BadInput::new("no machine is left"))
             })
         };
         for _ in 0..request.warm_frames {
@@ -162,28 +166,39 @@ pub(crate) fn run_on_machines(
         }
         frame()
     });
+    let costs = costs.into_iter().map(|costs| costs.map_err(refused)).collect::<Vec<_>>();
+    if costs.iter().all(Result::is_err) {
+        costs.into_iter().filter_map(Result::err).for_each(|bad| each(Err(bad)));
+        return Ok(());
+    }
     let program = program?;
     let _seat = seats.take();
-    let part = 1.0 / machines.len() as f64;
+    // Of the threads that computed, each machine has its part.
+    let part = seats.count().min(machines.len()) as f64 / machines.len() as f64;
     let simulation_seconds = simulation.elapsed().as_secs_f64() * part;
     let mut finished = Finished::new(request, &prepared, &program);
     let clock = HostClock { seconds: watch.elapsed().as_secs_f64() * part, simulation_seconds };
     finished.judge(request, &prepared, progress)?;
-    let outputs = machines.iter().zip(costs).map(|(machine, costs)| {
-        let costs = costs.map_err(|failure| match failure {
-            Failure::Stuck(stuck) => BadInput::new(stuck.to_string()),
-            Failure::Panic(panic) => BadInput::new(format!("the simulator failed: {}", said(panic.as_ref()))),
-        })?;
-        let mut phases = Vec::new();
-        // Those of the last frame.
-        let measured = costs.into_iter().rev().take(steps.len()).rev();
-        for (step, StepCost { report, activity }) in steps.iter().zip(measured) {
-            add_cost(&mut phases, *step, report, busy_cycles(&activity));
-        }
-        let (report, host) = finished.on(request, machine, &phases, clock);
-        Ok(RunOutput { report, host, frame: finished.frame.clone() })
-    });
-    Ok(outputs.collect())
+    for (machine, costs) in machines.iter().zip(costs) {
+        each(costs.map(|costs| {
+            let mut phases = Vec::new();
+            for (step, StepCost { report, activity }) in steps.iter().zip(costs) {
+                add_cost(&mut phases, *step, report, busy_cycles(&activity));
+            }
+            let (report, host) = finished.on(request, machine, &phases, clock);
+            RunOutput { report, host, frame: finished.frame.clone() }
+        }));
+    }
+    Ok(())
+}
+
+/// Why a machine of several has no result, in words.
+fn refused(failure: Failure) -> BadInput {
+    match failure {
+        Failure::Stuck(step, stuck) => BadInput::new(format!("step `{step}`: {stuck}")),
+        Failure::Panic(panic) => BadInput::new(format!("the simulator failed: {}", said(panic.as_ref()))),
+        Failure::Thread(error) => BadInput::new(format!("the host gives no thread: {error}")).passing(),
+    }
 }
 
 /// What the eye of a request sees: computed by the host, untimed, as in the paper.
@@ -414,8 +429,16 @@ fn report(request: &RunRequest, machine: &Machine, finished: &Finished, phases: 
         phases,
         image: ImageSummary::of(&frame.visibility),
         model_error: crate::validate::model_error(),
-        warnings: warnings.clone(),
+        warnings: warnings.iter().cloned().chain(estimated(*fidelity)).collect(),
     }
+}
+
+/// What is to be known of times that are estimates.
+fn estimated(fidelity: Fidelity) -> Option<Warning> {
+    let message = "times are estimates from what limits each step: they rank machines and say what holds them back, and differ from simulated ones \
+                   by tens of per cent; prefetcher, TLBs, ways of caches, rows and error correction of memory make no difference to them";
+    (fidelity == Fidelity::Roofline)
+        .then(|| Warning { kind: WarningKind::Estimate, message: message.to_owned() })
 }
 
 /// What makes the result of a frame suspicious.

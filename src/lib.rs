@@ -23,6 +23,7 @@ mod algorithm;
 pub mod choices;
 mod engine;
 mod error;
+pub mod fidelity;
 mod frame;
 pub mod frames;
 mod host;

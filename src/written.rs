@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use lrbsim_reports::RunReport;
 use lrbsim_reports::compare::{Comparison, PictureChange, compare, inputs, picture_change, shortened, sum};
+use lrbsim_reports::fidelity::FidelityReport;
 use lrbsim_reports::sheet::show_value;
 use lrbsim_reports::stability::StabilityReport;
 use lrbsim_reports::study::{StudyFile, StudyReport};
@@ -16,7 +17,7 @@ use serde_json::Value;
 
 use crate::error::BadInput;
 use crate::json;
-use crate::{stability, table3};
+use crate::{fidelity, stability, table3};
 
 /// The results of a run or of a study, as their file has them.
 #[derive(Debug, Clone)]
@@ -29,6 +30,8 @@ pub enum Results {
     Stability(Box<StabilityReport>),
     /// The results of the study of Table 3.
     Table3(Box<Table3Report>),
+    /// The results of the study of fidelity.
+    Fidelity(Box<FidelityReport>),
 }
 
 /// Results that were written, and the folder where they lie.
@@ -44,8 +47,8 @@ impl Written {
     /// Reads the results at `path`: a folder with `report.json` or `study.json`, or one of these files.
     pub fn load(path: &Path) -> Result<Written, BadInput> {
         let file = if path.is_dir() {
-            let names =
-                ["study.json", "report.json", stability::FILE, table3::FILE].map(|name| path.join(name));
+            let names = ["study.json", "report.json", stability::FILE, table3::FILE, fidelity::FILE]
+                .map(|name| path.join(name));
             let found: Vec<&PathBuf> = names.iter().filter(|file| file.is_file()).collect();
             match found[..] {
                 [file] => file.clone(),
@@ -82,6 +85,8 @@ impl Written {
             Results::Stability(Box::new(read_versioned(&shown, &text)?))
         } else if tree.get("truths").is_some() {
             Results::Table3(Box::new(read_versioned(&shown, &text)?))
+        } else if tree.get("subjects").is_some() {
+            Results::Fidelity(Box::new(read_versioned(&shown, &text)?))
         } else {
             Results::Run(Box::new(read_versioned(&shown, &text)?))
         };
@@ -165,6 +170,7 @@ impl Changes {
             (Results::Study(a), Results::Study(b)) => of_studies(a, b),
             (Results::Stability(_), _) | (_, Results::Stability(_)) => Err(untimed("stability")),
             (Results::Table3(_), _) | (_, Results::Table3(_)) => Err(untimed("Table 3")),
+            (Results::Fidelity(_), _) | (_, Results::Fidelity(_)) => Err(untimed("fidelity")),
             _ => Err(BadInput::new("one is a run and the other a study").with_help("compare two of a kind")),
         }
     }

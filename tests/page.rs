@@ -224,3 +224,30 @@ fn a_page_fits_a_narrow_window() {
         }
     }
 }
+
+#[test]
+fn pages_of_estimates_say_so_and_show_limits_in_place_of_cycles() {
+    let folder = Folder::new();
+    folder.run(&["run", "tiny", "--fidelity", "roofline", "-o", "run"]).ok();
+    folder.run(&["report", "run"]).ok();
+    folder.run(&["study", "fidelity", "--quick", "--only", "tiny", "-o", "prices"]).ok();
+    let script = "return { heads: [...document.querySelectorAll('h2')].map((head) => head.textContent), text: document.body.innerText };";
+    for (page, heads, absent, said) in [
+        (
+            "run/report.html",
+            &["What limits the phases", "Roofline"][..],
+            "Where the cycles went",
+            "times are estimates from what limits each step",
+        ),
+        ("prices/report.html", &["The price list", "tiny"], "Phases", "`windowed` is the default"),
+    ] {
+        let Some(found) = in_browser(&folder, &folder.path(page), 1000, script) else { return };
+        let shown: Vec<&str> =
+            found["heads"].as_array().expect("a list").iter().filter_map(Value::as_str).collect();
+        assert!(
+            heads.iter().all(|head| shown.contains(head)) && !shown.contains(&absent),
+            "{page}: {shown:?}"
+        );
+        assert!(found["text"].as_str().is_some_and(|text| text.contains(said)), "{page}");
+    }
+}

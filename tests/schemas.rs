@@ -173,7 +173,9 @@ fn every_written_file_keeps_its_schema() {
     // With a point that is refused.
     folder.run(&["study", "stability", "--only", "scale", "-o", "stability"]).ok();
     folder.run(&["study", "table3", "--quick", "--only", "hard", "-o", "table3"]).ok();
+    folder.run(&["study", "fidelity", "--quick", "--only", "tiny", "-o", "fidelity"]).ok();
     for (format, file) in [
+        ("fidelity", "fidelity/fidelity.json"),
         ("report", "timed/report.json"),
         ("report", "untimed/report.json"),
         ("host", "timed/host.json"),

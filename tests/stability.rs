@@ -68,6 +68,6 @@ fn a_family_that_is_not_there_is_refused() {
     folder.run(&["study", "stability", "--only", "xyz"]).refused(&["no family of `stability`", "t-junction"]);
     folder
         .run(&["study", "cores", "--only", "xyz"])
-        .refused(&["`--only` is for `lrbsim study stability` and `table3` alone"]);
+        .refused(&["`--only` is for `lrbsim study stability` and `table3` and `fidelity` alone"]);
     folder.run(&["study", "stabilty"]).refused(&["did you mean `stability`?"]);
 }

@@ -51,7 +51,9 @@ fn points_are_what_run_gives(folder: &Folder, study: &StudyReport, args: &[&str]
         for l2 in [131_072, 262_144] {
             let set = [format!("cores={cores}"), format!("l2.capacity_bytes={l2}")];
             let args = [&["run", "tiny", "--json", "--set", &set[0], "--set", &set[1]], args].concat();
-            let report = folder.run(&args).ok().stdout();
+            let ran = folder.run(&args);
+            assert_eq!(ran.code(), Some(0), "{}", ran.stderr());
+            let report = ran.stdout();
             let mut report: lrbsim_reports::RunReport = serde_json::from_str(&report).expect("a report");
             report.machine.sources.clear();
             let point = study.at(&[cores.into(), l2.into()]).expect("a point of the study");
@@ -74,7 +76,9 @@ fn machines_that_share_a_run_give_what_each_gives_alone() {
         let text = STUDY.replace("\"scene\": \"tiny\"", &format!("\"scene\": \"tiny\", {base}"));
         let start = text.find("  \"analysis\"").expect("the last line");
         folder.write("small.json", &format!("{}  \"analysis\": [\"table\"]\n}}", &text[..start]));
-        folder.run(&["study", "small.json", "-j", jobs]).ok();
+        // Of estimates a warning says what they are.
+        let ran = folder.run(&["study", "small.json", "-j", jobs]);
+        assert_eq!(ran.code(), Some(0), "{}", ran.stderr());
         points_are_what_run_gives(&folder, &results(&folder, "out/study-small/study.json"), args);
     }
 }

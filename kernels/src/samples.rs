@@ -191,29 +191,3 @@ pub fn turns(outline: Outline) -> Vec<DVec2> {
         Outline::Triangle | Outline::Line => vec![DVec2::X; TURNS as usize],
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn places_are_as_many_as_asked_for_and_lie_about_the_middle() {
-        for outline in [Outline::Disc, Outline::Square, Outline::Triangle, Outline::Line] {
-            for count in [64, 128, 1024_u32] {
-                let places = places(outline, count);
-                assert_eq!(places.len(), count as usize, "{outline:?}");
-                let mean = places.iter().sum::<DVec2>() / f64::from(count);
-                println!("{outline:?}, {count}: middle off by {mean}");
-                assert!(mean.length() < 1.0 / f64::from(count).sqrt() / 4.0, "{outline:?}, {count}: {mean}");
-                let reach2 = places.iter().map(|place| place.length_squared()).fold(0.0, f64::max);
-                assert!(reach2 < f64::from(outline.reach2()), "{outline:?}, {count}: {reach2}");
-                for (i, a) in places.iter().enumerate() {
-                    assert!(
-                        places[..i].iter().all(|b| a.distance(*b) > 0.1 / f64::from(count)),
-                        "{outline:?}: {a}"
-                    );
-                }
-            }
-        }
-    }
-}

@@ -11,9 +11,9 @@ use lrbsim_kernels::light::View;
 use lrbsim_kernels::samples::{places, turns};
 use lrbsim_kernels::sintorn::Sintorn;
 use lrbsim_kernels::sism::Sism;
-use lrbsim_workloads::glam::DVec3;
+use lrbsim_workloads::glam::{DVec2, DVec3};
 use lrbsim_workloads::reference::{ErrorMetrics, Truth};
-use lrbsim_workloads::{Adjacency, Light, LightShape, ShadowInput};
+use lrbsim_workloads::{Adjacency, Light, LightShape, Outline, ShadowInput};
 
 /// The vectors along a light as receivers see it.
 #[derive(Clone)]
@@ -113,4 +113,26 @@ fn it_is_the_same_on_all_back_ends_and_its_tasks_are_short() {
     let (_, _, input) = shipped("tiny", Some((120, 90)));
     same_on_all_back_ends(&Sintorn, "samples=64", &input);
     same_on_all_back_ends(&Sintorn, "samples=256", &input);
+}
+
+#[test]
+fn places_are_as_many_as_asked_for_and_lie_about_the_middle() {
+    // Those of a triangle are half of a square's, whose bits are not the same about the diagonal.
+    for (outline, most) in
+        [(Outline::Disc, 0.25), (Outline::Square, 0.25), (Outline::Triangle, 0.6), (Outline::Line, 0.25)]
+    {
+        for count in [64, 128, 1024_u32] {
+            let places = places(outline, count);
+            assert_eq!(places.len(), count as usize, "{outline:?}");
+            let mean = places.iter().sum::<DVec2>() / f64::from(count);
+            println!("{outline:?}, {count}: middle off by {mean}");
+            assert!(mean.length() < most / f64::from(count).sqrt(), "{outline:?}, {count}: {mean}");
+            let reach2 = places.iter().map(|place| place.length_squared()).fold(0.0, f64::max);
+            assert!(reach2 < f64::from(outline.reach2()), "{outline:?}, {count}: {reach2}");
+            for (i, a) in places.iter().enumerate() {
+                let apart = |b: &DVec2| a.distance(*b) > 0.1 / f64::from(count);
+                assert!(places[..i].iter().all(apart), "{outline:?}: {a}");
+            }
+        }
+    }
 }

@@ -40,6 +40,7 @@ fn phase_report(costs: &PhaseCosts, clock: Option<Clock>, frame_cycles: u64) -> 
     costs.steps.iter().for_each(|(_, report)| counters += report);
     let cycles = counters.cycles;
     let instructions = instructions(&counters.class_counts);
+    let is_estimated = counters.bounds.greatest().is_some();
     PhaseReport {
         id: phase.id.to_owned(),
         title: phase.title.to_owned(),
@@ -56,11 +57,12 @@ fn phase_report(costs: &PhaseCosts, clock: Option<Clock>, frame_cycles: u64) -> 
         paired_core_cycles: clock.map(|_| counters.paired),
         core_busy_cycles: costs.core_busy_cycles.clone(),
         cycle_stack: clock.map(|_| counters.cycle_stack),
-        bounds: clock.and(Some(counters.bounds)).filter(|bounds| bounds.greatest().is_some()),
+        bounds: clock.and(Some(counters.bounds)).filter(|_| is_estimated),
         l1d: clock.map(|_| counters.l1d),
         l2: clock.map(|_| counters.l2),
-        ring: clock.map(|_| counters.ring),
-        directory: clock.map(|_| counters.directory),
+        // Estimates know of no messages.
+        ring: clock.map(|_| counters.ring).filter(|_| !is_estimated),
+        directory: clock.map(|_| counters.directory).filter(|_| !is_estimated),
         memory: clock.map(|_| counters.memory),
         atomics: clock.map(|_| counters.atomics),
         by_step: costs.steps.iter().map(|(name, report)| step_row(name, report, clock)).collect(),

@@ -7,6 +7,7 @@
 //!           └► digest           what is kept of it in memory ─► analysis: tables and plots, page
 //! StabilityReport ─► stability.json, tables and plots of it
 //! Table3Report ─► table3.json, tables and plots of it
+//! FidelityReport ─► fidelity.json, tables and plots of it
 //! picture   ─► image.png, visibility.png, the hash that names a picture
 //! npy       ─► dumps
 //! Validation ─► rows of published and simulated figures
@@ -22,6 +23,7 @@ pub mod compare;
 pub mod counters;
 pub mod dictionary;
 pub mod digest;
+pub mod fidelity;
 pub mod files;
 pub mod frames;
 #[cfg(test)]

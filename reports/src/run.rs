@@ -64,6 +64,8 @@ pub enum WarningKind {
     LinesLeftOut,
     /// The method is past a limit of its own.
     MethodLimit,
+    /// Times are estimates, and not simulated.
+    Estimate,
 }
 
 /// What determined the numbers of a report.

@@ -36,9 +36,7 @@ pub fn render(report: &RunReport) -> String {
         text.push_str("\nfunctional: nothing is timed\n");
     }
     if is_estimated {
-        text.push_str(
-            "\nroofline: times are estimates, from what limits each step; limits in percent of them\n",
-        );
+        text.push_str("\nlimited by: what each limit alone would take, in percent of the time; those that are close add up in part\n");
     }
     if let Some(error) = &report.image.error {
         let _ = write!(text, "\n{}\n", error_line(error));

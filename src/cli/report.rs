@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use lrbsim::BadInput;
 use lrbsim::written::{Results, Written};
-use lrbsim::{frames, stability, study, table3};
+use lrbsim::{fidelity, frames, stability, study, table3};
 use lrbsim_reports::files::ResultDir;
 use lrbsim_reports::frames::FramesReport;
 use lrbsim_reports::page::{self, Judged, Picture};
@@ -54,6 +54,7 @@ pub(crate) fn run(args: &ReportArgs, out: &mut impl Write) -> Result<(), Failure
         Results::Study(report) => study::drawings(&Digest::of(report)),
         Results::Stability(report) => stability::drawings(report),
         Results::Table3(report) => table3::drawings(report),
+        Results::Fidelity(report) => fidelity::drawings(report),
     };
     write(folder, &files, out)
 }

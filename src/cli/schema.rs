@@ -5,6 +5,7 @@ use std::io::Write;
 use clap::{Args, ValueEnum};
 use lrbsim::choices;
 use lrbsim_machine::MachineConfig;
+use lrbsim_reports::fidelity::FidelityReport;
 use lrbsim_reports::frames::FramesReport;
 use lrbsim_reports::stability::StabilityReport;
 use lrbsim_reports::study::{StudyFile, StudyHosts, StudyReport};
@@ -42,6 +43,8 @@ enum Format {
     Stability,
     /// The result of `study table3`, table3.json.
     Table3,
+    /// The result of `study fidelity`, fidelity.json.
+    Fidelity,
     /// The frames of a moving scene, frames.json.
     Frames,
     /// Every number of a report with its unit and meaning, as Markdown.
@@ -63,6 +66,7 @@ pub(crate) fn run(args: &SchemaArgs, out: &mut impl Write) -> Result<(), Failure
         Format::StudyHosts => schema_for!(StudyHosts),
         Format::Stability => schema_for!(StabilityReport),
         Format::Table3 => schema_for!(Table3Report),
+        Format::Fidelity => schema_for!(FidelityReport),
         Format::Frames => schema_for!(FramesReport),
         Format::Counters => {
             out.write_all(dictionary::markdown().as_bytes())?;

@@ -7,6 +7,7 @@ use std::sync::Mutex;
 
 use clap::{Args, Subcommand, ValueEnum};
 use indicatif::ProgressBar;
+use lrbsim::fidelity::{self, FidelityRequest};
 use lrbsim::progress::Stopwatch;
 use lrbsim::reference::DEFAULT_CACHE;
 use lrbsim::results::spare_inputs;
@@ -38,7 +39,7 @@ pub(crate) struct StudyArgs {
     #[command(flatten)]
     what: Option<What>,
 
-    /// Points to run at once, one host thread each [default: the host's threads; 1 in each task of a cluster].
+    /// Host threads: so many points at once, or machines of points that share a functional run [default: the host's threads; 1 in each task of a cluster].
     #[arg(short, long, value_name = "N")]
     jobs: Option<usize>,
 
@@ -62,11 +63,11 @@ pub(crate) struct StudyArgs {
     #[arg(short, long = "algorithm", value_name = "ALGORITHM")]
     algorithms: Vec<String>,
 
-    /// Only families of `stability`, or methods of `table3`, whose names contain this.
+    /// Only families of `stability`, methods of `table3`, or subjects of `fidelity`, whose names contain this.
     #[arg(long, value_name = "PATTERN")]
     only: Option<String>,
 
-    /// Fewer points of `stability`, or receivers of `table3`: to try them out.
+    /// Fewer points of `stability`, receivers of `table3`, or subjects of `fidelity`: to try them out.
     #[arg(long)]
     quick: bool,
 
@@ -86,7 +87,7 @@ struct ExportArgs {
     #[command(flatten)]
     what: What,
 
-    /// Points that each command runs at once, one host thread each.
+    /// Host threads of each command: so many points at once, or machines of points that share a functional run.
     #[arg(short, long, value_name = "N", default_value_t = 1)]
     jobs: usize,
 }
@@ -94,7 +95,7 @@ struct ExportArgs {
 /// What is run.
 #[derive(Debug, Args)]
 struct What {
-    /// A shipped study, `stability`, `table3`, or a study file (.json); see `lrbsim schema study`.
+    /// A shipped study, `stability`, `table3`, `fidelity`, or a study file (.json); see `lrbsim schema study`.
     study: PathBuf,
 
     /// Folder of finished points, shared by studies.
@@ -315,10 +316,11 @@ fn not_for(option: &str, studies: &[&str]) -> BadInput {
 
 type RunMade = fn(&StudyArgs, HostOptions, &super::progress::Bar, &Path) -> Result<Made, BadInput>;
 
-/// Studies whose scenes are made for them, by name; none of their points is kept in the cache.
-const MADE: [(&str, RunMade); 2] = [(stability::NAME, run_stability), (table3::NAME, run_table3)];
+/// Studies that are no product of axes, by name; none of their points is kept in the cache.
+const MADE: [(&str, RunMade); 3] =
+    [(stability::NAME, run_stability), (table3::NAME, run_table3), (fidelity::NAME, run_fidelity)];
 
-/// Runs a study whose scenes are made for it.
+/// Runs a study that is no product of axes.
 fn run_made(
     name: &str,
     run: RunMade,
@@ -385,6 +387,25 @@ fn run_table3(
         failed: 0,
         file: table3::FILE,
         paths: table3::write(target, &report)?,
+    })
+}
+
+fn run_fidelity(
+    args: &StudyArgs,
+    host: HostOptions,
+    bar: &super::progress::Bar,
+    target: &Path,
+) -> Result<Made, BadInput> {
+    let request = FidelityRequest { only: args.only.clone(), quick: args.quick, host };
+    let report = fidelity::run_fidelity(&request, bar)?;
+    let first = report.findings().swap_remove(0);
+    Ok(Made {
+        json: report.to_json(),
+        first: Finding { notes: first.notes.into_iter().chain(report.advice()).collect(), ..first },
+        count: counted(report.subjects.len() as u64, "subject"),
+        failed: 0,
+        file: fidelity::FILE,
+        paths: fidelity::write(target, &report)?,
     })
 }
 

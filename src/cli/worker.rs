@@ -29,7 +29,7 @@ pub(crate) struct WorkerArgs {
     #[arg(long, value_name = "K")]
     shard: usize,
 
-    /// Points at once, one host thread each.
+    /// Host threads: so many points at once, or machines of points that share a functional run.
     #[arg(long, value_name = "N", default_value_t = 1)]
     threads: usize,
 

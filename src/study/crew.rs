@@ -9,7 +9,6 @@ use lrbsim_machine::Seats;
 
 use super::cache::{Cache, Claim, Entry};
 use super::ledger::{Ledger, Outcome};
-use super::memory;
 use super::run::{Status, StudyProgress};
 use super::work::{Fault, Task, Work, said};
 use crate::error::BadInput;
@@ -18,11 +17,11 @@ use crate::host::Stopwatch;
 /// How often progress is told, and how long a point waits for memory or another process before it asks again.
 const TICK: Duration = Duration::from_millis(100);
 
-/// Points that one functional run serves at most: they are finished together, and whoever stops a study loses them together.
+/// Machines that one functional run serves at most: they end together, and whoever stops a study loses together those that are under way.
 const TOGETHER_MAX: usize = 8;
 
-/// Points that are looked at for others that go with one: they are near one another, and there may be a million.
-const LOOKED_AT_MAX: usize = 4096;
+/// The same of machines that are not simulated: each takes next to no time.
+const COUNTED_TOGETHER_MAX: usize = 256;
 
 /// Where points that are finished are found, and where they are put.
 pub(super) trait Store: Sync {
@@ -39,15 +38,16 @@ pub(super) trait Store: Sync {
     fn keep(&self, claim: &Claim, task: &Task, outcome: Result<&mut Entry, &Fault>) -> Result<(), BadInput>;
 }
 
-/// Runs the points of `work` that `store` has not, `jobs` at once, and tells how each ended.
+/// Runs the points of `work` that `store` has not, on `jobs` threads at once, and tells how each ended. Points take no more than
+/// `memory_budget` bytes together, but for one that takes more alone.
 pub(super) fn run(
     work: &Work,
     store: &dyn Store,
-    jobs: usize,
+    (jobs, memory_budget): (usize, u64),
     watch: Stopwatch,
     progress: &dyn StudyProgress,
 ) -> Result<(Vec<Outcome>, Status), BadInput> {
-    let crew = Crew::new(work, store, jobs, watch);
+    let crew = Crew::new(work, store, (jobs, memory_budget), watch);
     std::thread::scope(|scope| {
         for _ in 0..jobs.max(1) {
             scope.spawn(|| crew.work());
@@ -63,6 +63,11 @@ pub(super) fn run(
     Ok((state.ledger.outcomes(work), status))
 }
 
+/// Points like `task` that one functional run serves at most.
+fn together_max(task: &Task) -> usize {
+    if task.is_simulated() { TOGETHER_MAX } else { COUNTED_TOGETHER_MAX }
+}
+
 /// The threads and what they share.
 struct Crew<'a> {
     work: &'a Work<'a>,
@@ -75,11 +80,17 @@ struct Crew<'a> {
     changed: Condvar,
 }
 
+/// Points that one functional run serves, or one alone.
+type Group = Vec<usize>;
+
 struct State {
-    waiting: VecDeque<usize>,
+    waiting: VecDeque<Group>,
     /// Since when another process computes a point, in seconds.
     busy: BTreeMap<usize, f64>,
+    /// Points that are running, in so many groups, and the threads that this takes.
     running: usize,
+    groups: usize,
+    threads: usize,
     memory: u64,
     ledger: Ledger,
     /// Why the crew cannot go on.
@@ -102,29 +113,48 @@ impl State {
 }
 
 impl<'a> Crew<'a> {
-    fn new(work: &'a Work<'a>, store: &'a dyn Store, jobs: usize, watch: Stopwatch) -> Crew<'a> {
+    fn new(
+        work: &'a Work<'a>,
+        store: &'a dyn Store,
+        (jobs, memory_budget): (usize, u64),
+        watch: Stopwatch,
+    ) -> Crew<'a> {
         let mut state = State {
             waiting: VecDeque::new(),
             busy: BTreeMap::new(),
             running: 0,
+            groups: 0,
+            threads: 0,
             memory: 0,
             ledger: Ledger::of(work),
             fatal: None,
         };
+        // By what they have in common, the number of the last group of them.
+        let mut last: BTreeMap<&str, usize> = BTreeMap::new();
         for (index, task) in work.tasks.iter().enumerate() {
             let Ok(task) = task else { continue };
             if work.first[index] != index {
                 continue;
             }
-            match store.find(&task.key) {
-                Some(outcome) => state.ledger.end(index, outcome, false),
-                None => state.waiting.push_back(index),
+            if let Some(outcome) = store.find(&task.key) {
+                state.ledger.end(index, outcome, false);
+                continue;
+            }
+            let group = task.together().and_then(|together| last.get(together));
+            match group.map(|group| &mut state.waiting[*group]) {
+                Some(group) if group.len() < together_max(task) => group.push(index),
+                _ => {
+                    task.together().map(|together| last.insert(together, state.waiting.len()));
+                    state.waiting.push_back(vec![index]);
+                }
             }
         }
         // The dearest first: the end is then not one worker's.
-        let cost = |index: &usize| work.tasks[*index].as_ref().map_or(0.0, |task| task.work);
+        let cost = |group: &Group| -> f64 {
+            group.iter().filter_map(|index| work.tasks[*index].as_ref().ok()).map(|task| task.work).sum()
+        };
         state.waiting.make_contiguous().sort_by(|a, b| cost(b).total_cmp(&cost(a)));
-        let (memory_budget, seats) = (memory::budget(), Seats::new(jobs));
+        let seats = Seats::new(jobs);
         Crew { work, store, watch, memory_budget, seats, state: Mutex::new(state), changed: Condvar::new() }
     }
 
@@ -159,6 +189,8 @@ impl<'a> Crew<'a> {
             });
             let mut state = self.state();
             state.running -= points.len();
+            state.groups -= 1;
+            state.threads -= self.threads(&points);
             state.memory -= self.memory(&points);
             match attempts {
                 Ok(attempts) => {
@@ -167,7 +199,7 @@ impl<'a> Crew<'a> {
                             Attempt::Busy => {
                                 let now = self.now();
                                 state.busy.entry(index).or_insert(now);
-                                state.waiting.push_back(index);
+                                state.waiting.push_back(vec![index]);
                             }
                             Attempt::Found(outcome) => state.ledger.end(index, outcome, false),
                             Attempt::Ran(outcome) => state.ledger.end(index, outcome, true),
@@ -189,31 +221,44 @@ impl<'a> Crew<'a> {
         Task::memory(&points.iter().map(|index| self.task(*index)).collect::<Vec<_>>())
     }
 
-    /// The next point for which there is room, with others that one functional run serves too; waits for it.
-    fn next(&self) -> Option<Vec<usize>> {
+    /// Threads that points take: one for each machine, where each has one, and one where all that differs is counted.
+    fn threads(&self, points: &[usize]) -> usize {
+        if self.task(points[0]).is_simulated() { points.len() } else { 1 }
+    }
+
+    /// The next points for which there is room; waits for them.
+    fn next(&self) -> Option<Group> {
         let mut state = self.state();
         loop {
             if state.waiting.is_empty() || state.fatal.is_some() {
                 return None;
             }
-            let fits = |points: &[usize]| state.has_room(self.memory(points), self.memory_budget);
-            if let Some(first) = state.waiting.iter().copied().find(|index| fits(&[*index])) {
-                let mut points = vec![first];
-                for index in state.waiting.iter().copied().filter(|index| *index != first).take(LOOKED_AT_MAX)
-                {
-                    if points.len() < TOGETHER_MAX && self.task(first).goes_with(self.task(index)) {
-                        points.push(index);
-                        if self.memory(&points) > self.memory_budget.saturating_sub(state.memory) {
-                            points.pop();
-                            break;
-                        }
-                    }
+            // More machines than threads do not end sooner, and nothing of them is finished while they all run; but the last
+            // machines of a group leave threads to the next.
+            let place = if state.threads >= self.seats.count() && state.groups > 1 {
+                None
+            } else if state.running == 0 {
+                Some(0)
+            } else {
+                let fits = |group: &Group| state.has_room(self.memory(group), self.memory_budget);
+                state.waiting.iter().position(fits)
+            };
+            if let Some(mut points) = place.and_then(|place| state.waiting.remove(place)) {
+                // What does not fit is another group's.
+                let mut rest = Vec::new();
+                while points.len() > 1 && self.memory(&points) > self.memory_budget {
+                    rest.extend(points.pop());
                 }
-                state.waiting.retain(|index| !points.contains(index));
+                if !rest.is_empty() {
+                    state.waiting.push_front(rest);
+                }
                 state.running += points.len();
+                state.groups += 1;
+                state.threads += self.threads(&points);
                 state.memory += self.memory(&points);
                 let now = self.now();
-                points.iter().for_each(|index| state.ledger.forecast.begin(*index, now));
+                let part = self.seats.count().min(points.len()) as f64 / points.len() as f64;
+                points.iter().for_each(|index| state.ledger.forecast.begin(*index, now, part));
                 return Some(points);
             }
             state = self.changed.wait_timeout(state, TICK).expect("nobody panics with the state in hand").0;
@@ -245,12 +290,16 @@ impl<'a> Crew<'a> {
         }
         let tasks: Vec<&Task> = claimed.iter().map(|(place, _)| self.task(points[*place])).collect();
         let outcomes = self.work.run(&tasks, &self.seats, self.store.cache().folder());
+        let mut lost = None;
         for (((place, claim), task), mut outcome) in claimed.iter().zip(tasks).zip(outcomes) {
-            self.store.keep(claim, task, outcome.as_mut().map_err(|fault| &*fault))?;
+            // All are kept that can be.
+            if let Err(bad) = self.store.keep(claim, task, outcome.as_mut().map_err(|fault| &*fault)) {
+                lost.get_or_insert(bad);
+            }
             attempts[*place] =
                 Attempt::Ran(outcome.map(|entry| entry.host.seconds).map_err(|fault| fault.message));
         }
-        Ok(attempts)
+        lost.map_or(Ok(attempts), Err)
     }
 }
 
@@ -300,7 +349,7 @@ mod tests {
         let work = Work::of(&study, 0..study.len()).expect("sound");
         let folder = tempfile::tempdir().expect("a temporary folder");
         let store = Broken(Cache::open(folder.path()).expect("writable"));
-        let ended = run(&work, &store, 2, Stopwatch::start(), &Quiet);
+        let ended = run(&work, &store, (2, u64::MAX), Stopwatch::start(), &Quiet);
         let said = ended.expect_err("no point has a result").to_string();
         assert!(said.contains("nobody can claim a point"), "{said}");
     }
@@ -311,6 +360,8 @@ mod tests {
             waiting: VecDeque::new(),
             busy: BTreeMap::new(),
             running: 0,
+            groups: 0,
+            threads: 0,
             memory: 0,
             ledger: Ledger::new(0, Forecast::new(std::iter::empty())),
             fatal: None,

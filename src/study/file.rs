@@ -54,7 +54,8 @@ impl Study {
             return Study::from_text(&format!("{name}.json"), text, None, yes);
         }
         if !looks_like_file(path) {
-            let known = [&builtin_study_names()[..], &[crate::stability::NAME, crate::table3::NAME]].concat();
+            let made = [crate::stability::NAME, crate::table3::NAME, crate::fidelity::NAME];
+            let known = [&builtin_study_names()[..], &made].concat();
             return Err(unknown_name(path, "study", "FILE.json", &known));
         }
         let text = json::text(path)?;

@@ -26,8 +26,8 @@ struct Cost {
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum State {
     Waiting,
-    /// The point has been running since this second.
-    Running(f64),
+    /// The point has been running since this second, and has this part of a host thread.
+    Running(f64, f64),
     /// The point is finished, has failed, or is not run.
     Over,
 }
@@ -62,9 +62,9 @@ impl Forecast {
         Forecast { points, kinds: vec![Taken::default(); kinds.len()], all: Taken::default() }
     }
 
-    /// A point begins at second `now`.
-    pub fn begin(&mut self, point: usize, now: f64) {
-        self.points[point].state = State::Running(now);
+    /// A point begins at second `now`, with such a part of a host thread: one that shares a run with others has less than all of one.
+    pub fn begin(&mut self, point: usize, now: f64, part: f64) {
+        self.points[point].state = State::Running(now, part);
     }
 
     /// A point took this long, now or earlier.
@@ -94,17 +94,17 @@ impl Forecast {
     pub fn left(&self, now: f64, jobs: usize) -> Option<f64> {
         let (mut sum, mut longest) = (0.0, 0.0_f64);
         for point in &self.points {
-            let left = match point.state {
-                State::Waiting => self.cost(point)?,
+            let (left, part) = match point.state {
+                State::Waiting => (self.cost(point)?, 1.0),
                 // A point that takes longer than was thought is believed to be nearly done, never to be done.
-                State::Running(since) => {
+                State::Running(since, part) => {
                     let whole = self.cost(point)?;
-                    (whole - (now - since)).max(whole * 0.05)
+                    ((whole - (now - since) * part).max(whole * 0.05), part)
                 }
-                State::Over => 0.0,
+                State::Over => (0.0, 1.0),
             };
             sum += left;
-            longest = longest.max(left);
+            longest = longest.max(left / part);
         }
         Some((sum / jobs.max(1) as f64).max(longest))
     }
@@ -115,8 +115,8 @@ impl Forecast {
         for point in &self.points {
             let part = match point.state {
                 State::Waiting => 0.0,
-                State::Running(since) => {
-                    self.cost(point).map_or(0.0, |whole| ((now - since) / whole).clamp(0.0, 0.95))
+                State::Running(since, part) => {
+                    self.cost(point).map_or(0.0, |whole| ((now - since) * part / whole).clamp(0.0, 0.95))
                 }
                 State::Over => 1.0,
             };
@@ -151,7 +151,7 @@ mod tests {
         let mut now = 0.0;
         assert_eq!(forecast.left(now, 1), None, "nothing is known yet");
         for (index, (_, _, seconds)) in points.iter().enumerate() {
-            forecast.begin(index, now);
+            forecast.begin(index, now, 1.0);
             now += seconds;
             forecast.done(index, *seconds);
             let truth: f64 = points[index + 1..].iter().map(|point| point.2).sum();
@@ -168,7 +168,7 @@ mod tests {
     fn one_long_point_is_not_shared_between_jobs() {
         let mut forecast = Forecast::new([(1.0, String::new()), (100.0, String::new())].into_iter());
         forecast.done(0, 1.0);
-        forecast.begin(1, 1.0);
+        forecast.begin(1, 1.0, 1.0);
         assert_eq!(forecast.left(1.0, 8), Some(100.0));
         assert_eq!(forecast.left(51.0, 8), Some(50.0));
         assert_eq!(forecast.left(500.0, 8), Some(5.0));

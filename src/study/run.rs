@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use super::cache::{Cache, Claim, Entry};
 use super::crew::{self, Store};
 use super::file::Study;
+use super::memory;
 use super::output::StudyOutput;
 use super::work::{Fault, Task, Work};
 use crate::error::BadInput;
@@ -14,7 +15,7 @@ use crate::progress::Quiet;
 /// How a study is run; changes no result.
 #[derive(Debug, Clone)]
 pub struct Options {
-    /// Points at once, one host thread each.
+    /// Host threads at once: so many points, or machines of points that share a functional run.
     pub jobs: usize,
     /// Folder of finished points.
     pub cache: PathBuf,
@@ -67,7 +68,7 @@ pub fn run_study(
     let watch = Stopwatch::start();
     let cache = Cache::open(&options.cache)?;
     let work = Work::of(study, 0..study.len())?;
-    let (outcomes, status) = crew::run(&work, &cache, options.jobs, watch, progress)?;
+    let (outcomes, status) = crew::run(&work, &cache, (options.jobs, memory::budget()), watch, progress)?;
     Ok(StudyOutput::new(study, &work, outcomes, cache, status))
 }
 

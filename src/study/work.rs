@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use lrbsim_isa::host::HostSimd;
-use lrbsim_machine::{Fidelity, Seats};
+use lrbsim_machine::{Fidelity, KEPT_BYTES, Seats};
 use lrbsim_workloads::Scene;
 
 use super::cache::{Entry, Inputs, SceneId};
@@ -22,6 +22,9 @@ use crate::reference::ReferenceRequest;
 
 /// Scenes that are kept loaded; more are loaded again for each point.
 const SCENES_KEPT: usize = 8;
+
+/// Bytes of a machine that is not simulated, its results included.
+const COUNTED_MACHINE_BYTES: u64 = 1 << 20;
 
 /// Points of a study, ready to be run. A point is held as little more than its key: there may be many.
 pub(super) struct Work<'a> {
@@ -177,7 +180,7 @@ impl<'a> Work<'a> {
         })
     }
 
-    /// Runs the points of `tasks`, which can be run together ([`Task::goes_with`]), with no more threads than `seats` at once; references
+    /// Runs the points of `tasks`, which can be run together ([`Task::together`]), with no more threads than `seats` at once; references
     /// are kept in the folder `cache`.
     pub fn run(&self, tasks: &[&Task], seats: &Seats, cache: &Path) -> Vec<Result<Entry, Fault>> {
         // A defect of the simulator that points show is their result; the others go on.
@@ -186,14 +189,7 @@ impl<'a> Work<'a> {
             let message = format!("the simulator failed: {}", said(panic.as_ref()));
             Err(Fault { message, of: FaultOf::Point })
         });
-        match outputs {
-            Ok(outputs) => tasks
-                .iter()
-                .zip(outputs)
-                .map(|(task, output)| self.entry(task, output.map_err(failed)?))
-                .collect(),
-            Err(fault) => tasks.iter().map(|_| Err(fault.clone())).collect(),
-        }
+        outputs.unwrap_or_else(|fault| tasks.iter().map(|_| Err(fault.clone())).collect())
     }
 
     fn outputs(
@@ -201,17 +197,22 @@ impl<'a> Work<'a> {
         tasks: &[&Task],
         seats: &Seats,
         cache: &Path,
-    ) -> Result<Vec<Result<RunOutput, BadInput>>, Fault> {
+    ) -> Result<Vec<Result<Entry, Fault>>, Fault> {
         let first = tasks[0];
         let recipe = self.recipe(first.point).map_err(failed)?;
         let machine = |task: &&Task| self.recipe(task.point)?.machine();
-        let machines = tasks.iter().map(machine).collect::<Result<Vec<Machine>, _>>().map_err(failed)?;
+        let machines: Vec<Result<Machine, BadInput>> = tasks.iter().map(machine).collect();
+        let sound: Vec<Machine> = machines.iter().flatten().cloned().collect();
+        let Some(any) = sound.first() else {
+            // None can be run: each has its own error.
+            return Ok(machines.into_iter().filter_map(Result::err).map(|bad| Err(failed(bad))).collect());
+        };
         let request = RunRequest {
             scene: match &first.scene.kept {
                 Some(scene) => scene.clone(),
                 None => recipe.scene().map_err(failed)?,
             },
-            machine: machines[0].clone(),
+            machine: any.clone(),
             algorithm: recipe.algorithm().map_err(failed)?,
             fidelity: first.fidelity,
             warm_frames: recipe.warm_frames(),
@@ -220,11 +221,26 @@ impl<'a> Work<'a> {
                 .map(|samples| ReferenceRequest { samples, cache: Some(cache.to_owned()) }),
             host: HostOptions { threads: 1, simd: HostSimd::detect() },
         };
-        if tasks.len() > 1 {
-            return run_on_machines(&request, &machines, seats).map_err(failed);
+        if tasks.len() == 1 {
+            let _seat = seats.take();
+            let output = run_frame(&request, &Quiet).map_err(failed);
+            return Ok(vec![output.and_then(|output| self.entry(first, output))]);
         }
-        let _seat = seats.take();
-        Ok(vec![run_frame(&request, &Quiet)])
+        // Each entry is made as its output comes: an output has a whole frame.
+        let places: Vec<usize> = (0..tasks.len()).filter(|place| machines[*place].is_ok()).collect();
+        let mut places = places.into_iter();
+        let mut entries: Vec<Option<Result<Entry, Fault>>> = tasks.iter().map(|_| None).collect();
+        run_on_machines(&request, &sound, seats, |output| {
+            let place = places.next().expect("one output a machine");
+            let output = output.map_err(failed);
+            entries[place] = Some(output.and_then(|output| self.entry(tasks[place], output)));
+        })
+        .map_err(failed)?;
+        let entry = |(entry, machine): (Option<_>, Result<Machine, BadInput>)| match machine {
+            Err(bad) => Err(failed(bad)),
+            Ok(_) => entry.expect("one output a machine"),
+        };
+        Ok(entries.into_iter().zip(machines).map(entry).collect())
     }
 
     /// What is stored of a point.
@@ -248,15 +264,26 @@ fn failed(bad: BadInput) -> Fault {
 }
 
 impl Task {
-    /// Whether one functional run serves both.
-    pub fn goes_with(&self, other: &Task) -> bool {
-        !self.together.is_empty() && self.together == other.together
+    /// What points have in common that one functional run serves; `None` of a point that runs alone.
+    pub fn together(&self) -> Option<&str> {
+        (!self.together.is_empty()).then_some(self.together.as_str())
+    }
+
+    /// Whether a machine is simulated, and not only what it is asked counted.
+    pub fn is_simulated(&self) -> bool {
+        match self.fidelity {
+            Fidelity::Functional | Fidelity::Roofline => false,
+            Fidelity::Sampled(_) | Fidelity::Windowed | Fidelity::Cycle => true,
+        }
     }
 
     /// Bytes that points take which are run together.
     pub fn memory(together: &[&Task]) -> u64 {
         let scene = together.first().map_or(0, |task| task.scene.memory);
-        together.iter().map(|task| task.machine_memory).fold(scene, u64::saturating_add)
+        let tape = if together.len() > 1 { KEPT_BYTES as u64 } else { 0 };
+        let machine =
+            |task: &&Task| if task.is_simulated() { task.machine_memory } else { COUNTED_MACHINE_BYTES };
+        together.iter().map(machine).fold(scene.saturating_add(tape), u64::saturating_add)
     }
 
     /// Points of one kind have the same cost for the same work.

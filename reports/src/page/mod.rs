@@ -10,6 +10,7 @@ use serde_json::Value;
 use crate::analysis::{Finding, findings};
 use crate::base64;
 use crate::digest::Digest;
+use crate::fidelity::FidelityReport;
 use crate::frames::FramesReport;
 use crate::host::HostReport;
 use crate::picture::{ERROR_COLORS, ERROR_SCALE_END};
@@ -140,6 +141,20 @@ pub fn of_table3(report: &Table3Report) -> String {
         "report": report,
         "findings": findings,
         "qualities": qualities,
+    });
+    page(title, &data)
+}
+
+/// The page of the study of fidelity.
+pub fn of_fidelity(report: &FidelityReport) -> String {
+    let findings: Vec<Value> = report.findings().iter().map(finding).collect();
+    let title = "What fidelity costs";
+    let data = serde_json::json!({
+        "kind": "fidelity",
+        "title": title,
+        "introduction": report.introduction(),
+        "report": report,
+        "findings": findings,
     });
     page(title, &data)
 }

@@ -102,8 +102,18 @@ function phaseTable(report) {
     note(`${ofPaper ? "* not in the totals of Johnson et al. 2009. " : ""}Click a heading to sort. IPC: instructions per cycle and core.`));
 }
 
+// What each limit alone would take of each phase, where times are estimates: nothing was simulated that cycles could have gone to.
+function limitsSection(report) {
+  const names = Object.keys(report.phases[0].bounds);
+  const ms = (cycles) => cycles / (report.machine.clock_ghz * 1e6);
+  return section("What limits the phases", table(["limit, ms", ...report.phases.map((phase) => phase.id)], [
+    ...names.map((name) => [name, ...report.phases.map((phase) => ms(phase.bounds[name]))]), ["estimate", ...report.phases.map((phase) => phase.ms)]]),
+    note("What each part of the machine alone would make the steps of a phase take. Issue: issue slots. Chains: results and accesses that wait for one another, in the threads that there are, or the longest task. L1: its ports, and the rate of gathers. L2: misses that may be outstanding at once. Atomics: the line that most locked operations want, and the task counter. Barrier: first tasks and barriers. Limits that are close add up in part."));
+}
+
 function stackSection(report) {
   if (report.total.cycles === null) return null;
+  if (report.phases.some((phase) => phase.bounds)) return limitsSection(report);
   const holder = element("div", {});
   const rows = report.phases.map((phase) => {
     const all = CAUSES.reduce((sum, cause) => sum + phase.cycle_stack[cause], 0);
@@ -152,10 +162,10 @@ function rooflineSection(report) {
   const compute = cores * 16 * clock;
   const levels = [
     { name: "memory", bytes: (phase) => phase.memory.bytes, roof: machine.memory.bandwidth_gb_per_s, how: "bandwidth of all controllers" },
-    { name: "ring", bytes: (phase) => phase.ring.bytes, roof: Math.min(8, 2 * cores) * machine.ring.bytes_per_cycle * clock * rings, how: "both directions of every link, a quarter of a ring a message" },
+    report.phases[0]?.ring && { name: "ring", bytes: (phase) => phase.ring.bytes, roof: Math.min(8, 2 * cores) * machine.ring.bytes_per_cycle * clock * rings, how: "both directions of every link, a quarter of a ring a message" },
     { name: "L2", bytes: (phase) => 64 * phase.l2.accesses, roof: cores * clock * Math.min(64, (64 * machine.l1d.mshrs) / machine.l2.hit_cycles), how: "lines that L1 can wait for at once, divided by the latency of L2" },
     { name: "L1", bytes: (phase) => 64 * phase.l1d.accesses, roof: cores * clock * 64, how: "a line a cycle and core" },
-  ];
+  ].filter((level) => level);
   const colors = ["#0072b2", "#e69f00", "#009e73", "#d55e00", "#cc79a7", "#56b4e9", "#7a5195", "#8a8f99", "#f0e442"];
   const holder = element("div", {});
   const draw = (level) => {
@@ -406,6 +416,13 @@ function table3Sections() {
   return [...data.introduction.map(paragraph), section(whole.title, table(whole.sheet.columns, whole.sheet.rows), ...whole.notes.map(paragraph)), ...findings.map(quality)];
 }
 
+// The price list first, then each subject.
+function fidelitySections() {
+  const paragraph = (text) => element("p", {}, text);
+  return [...data.introduction.map(paragraph), ...data.findings.map((finding) => section(finding.title, finding.svg === null ? null : plotOf(finding),
+    table(finding.sheet.columns, finding.sheet.rows), ...finding.notes.map(paragraph)))];
+}
+
 function framesSections(frames) {
   const timed = frames.frames.every((frame) => frame.ms !== null);
   const ids = frames.frames[0].phases.map((phase) => phase.id);
@@ -417,5 +434,5 @@ function framesSections(frames) {
 }
 
 document.getElementById("title").textContent = data.title;
-const makers = { run: () => runSections(data.report, data.pictures), study: () => studySections(data.study), stability: stabilitySections, table3: table3Sections, frames: () => framesSections(data.frames) };
+const makers = { run: () => runSections(data.report, data.pictures), study: () => studySections(data.study), stability: stabilitySections, table3: table3Sections, fidelity: fidelitySections, frames: () => framesSections(data.frames) };
 main.append(...makers[data.kind]());

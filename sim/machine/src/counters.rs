@@ -283,7 +283,7 @@ counters! {
 
 counters! {
     /// What each limit of the machine alone would take of a step, in cycles; of a phase the sums over its steps. All are 0 where the
-    /// time was simulated.
+    /// time was simulated, and reports leave them out.
     Bounds {
         /// Issue slots of the cores.
         issue,

@@ -5,7 +5,7 @@ use crate::config::MachineSpec;
 use crate::counters::StepReport;
 use crate::fidelity::Fidelity;
 use crate::roofline::{Machine, Survey};
-use crate::tape::{Seats, Tape, TapedStep};
+use crate::tape::{Seat, Seats, Tape, TapedStep};
 use crate::timing::{Timing, Untimed};
 use lrbsim_isa::program::TaskSource;
 use std::any::Any;
@@ -23,17 +23,59 @@ pub struct StepCost {
 /// Why a machine of several has no result.
 #[derive(Debug)]
 pub enum Failure {
-    /// Nothing moved any more.
-    Stuck(Stuck),
+    /// In the step of this name nothing moved any more.
+    Stuck(String, Stuck),
     /// A law was broken: what the simulator said when it stopped.
     Panic(Box<dyn Any + Send>),
+    /// The host gave no thread.
+    Thread(std::io::Error),
 }
 
 /// What a machine of several made of all steps.
 pub type Costs = Result<Vec<StepCost>, Failure>;
 
 /// What a program hands the tasks of its steps to, step by step.
-pub type RunTasks<'a> = dyn FnMut(&dyn TaskSource) + 'a;
+pub trait Steps {
+    /// Begins a frame: what the steps before cost is not asked for, but what they left in caches stays.
+    fn frame(&mut self);
+
+    /// Runs the tasks of a step. Returns whether any machine still takes part.
+    fn run(&mut self, tasks: &dyn TaskSource) -> bool;
+}
+
+/// Machines at a level that costs no thread each: of a step they make times of their own.
+struct Counted<'s, R> {
+    costs: &'s mut Vec<Vec<StepCost>>,
+    run: R,
+}
+
+impl<R: FnMut(&dyn TaskSource, &mut Vec<Vec<StepCost>>)> Steps for Counted<'_, R> {
+    fn frame(&mut self) {
+        self.costs.iter_mut().for_each(Vec::clear);
+    }
+
+    fn run(&mut self, tasks: &dyn TaskSource) -> bool {
+        (self.run)(tasks, self.costs);
+        true
+    }
+}
+
+/// What writes to a tape.
+struct Taped<'t, 'a> {
+    tape: &'t Tape<'a>,
+    seat: Option<Seat<'a>>,
+}
+
+impl Steps for Taped<'_, '_> {
+    fn frame(&mut self) {
+        self.tape.write_frame(&mut self.seat);
+    }
+
+    fn run(&mut self, tasks: &dyn TaskSource) -> bool {
+        self.tape.write_step(tasks, &mut self.seat);
+        self.tape.is_read()
+    }
+}
 
 impl Fidelity {
     /// Whether at this level several machines can be given the tasks of one run: where it is not the machine that says which are recorded.
@@ -44,7 +86,7 @@ impl Fidelity {
         }
     }
 
-    /// Runs `program` once, and gives what its steps cost on each of the cold machines of `specs`, as [`Fidelity::timing`] would have it
+    /// Runs `program` once, and gives what the steps of its last frame cost on each of the cold machines of `specs`, as [`Fidelity::timing`] would have it
     /// for each alone. No more threads than `seats` compute at once; the one that calls has none yet.
     ///
     /// # Panics
@@ -53,67 +95,81 @@ impl Fidelity {
         self,
         specs: &[MachineSpec],
         seats: &Seats,
-        program: impl FnOnce(&mut RunTasks) -> T,
+        program: impl FnOnce(&mut dyn Steps) -> T,
     ) -> (T, Vec<Costs>) {
-        match self {
+        let mut costs: Vec<Vec<StepCost>> = specs.iter().map(|_| Vec::new()).collect();
+        let result = match self {
             Fidelity::Functional => {
                 let _seat = seats.take();
-                let (mut untimed, mut costs) = (Untimed::new(1), Vec::new());
-                let result = program(&mut |tasks| {
+                let mut untimed = Untimed::new(1);
+                let run = |tasks: &dyn TaskSource, costs: &mut Vec<Vec<StepCost>>| {
                     let report = untimed.run_step(tasks).expect("what has no time moves");
-                    costs.push(StepCost { report, activity: Vec::new() });
-                });
-                (result, specs.iter().map(|_| Ok(costs.clone())).collect())
+                    let cost = StepCost { report, activity: Vec::new() };
+                    costs.iter_mut().for_each(|of| of.push(cost.clone()));
+                };
+                program(&mut Counted { costs: &mut costs, run })
             }
             Fidelity::Roofline => {
                 let _seat = seats.take();
-                let mut machines: Vec<(Machine, Vec<StepCost>)> =
-                    specs.iter().map(|spec| (Machine::new(spec), Vec::new())).collect();
+                let mut machines: Vec<Machine> = specs.iter().map(Machine::new).collect();
                 let mut survey = Survey::new(1);
-                let result = program(&mut |tasks| {
+                let run = |tasks: &dyn TaskSource, costs: &mut Vec<Vec<StepCost>>| {
                     let found = survey.step(tasks);
-                    for (machine, costs) in &mut machines {
+                    for (machine, of) in machines.iter_mut().zip(costs) {
                         let report = machine.report(&found);
-                        costs.push(StepCost { report, activity: machine.activity().to_vec() });
+                        of.push(StepCost { report, activity: machine.activity().to_vec() });
                     }
-                });
-                (result, machines.into_iter().map(|(_, costs)| Ok(costs)).collect())
+                };
+                program(&mut Counted { costs: &mut costs, run })
             }
-            Fidelity::Windowed | Fidelity::Cycle => self.over_tape(specs, seats, program),
+            Fidelity::Windowed | Fidelity::Cycle => return self.over_tape(specs, seats, program),
             Fidelity::Sampled(_) => panic!("{self} takes one machine at a time"),
-        }
+        };
+        (result, costs.into_iter().map(Ok).collect())
     }
 
     fn over_tape<T>(
         self,
         specs: &[MachineSpec],
         seats: &Seats,
-        program: impl FnOnce(&mut RunTasks) -> T,
+        program: impl FnOnce(&mut dyn Steps) -> T,
     ) -> (T, Vec<Costs>) {
         let tape = Tape::new(seats, specs.len());
         std::thread::scope(|scope| {
             // Whatever happens to the program, the machines do not wait for more.
             let ended = Ended(&tape);
-            let readers: Vec<_> =
-                specs.iter().map(|spec| scope.spawn(|| self.read_all(spec, &tape))).collect();
-            let mut seat = Some(seats.take());
-            let result = program(&mut |tasks| tape.write_step(tasks, &mut seat));
-            drop((ended, seat));
+            let read = |spec: &MachineSpec| {
+                let (spec, tape) = (spec.clone(), &tape);
+                let spawned =
+                    std::thread::Builder::new().spawn_scoped(scope, move || self.read_all(&spec, tape));
+                spawned.map_err(|error| {
+                    tape.do_without();
+                    Failure::Thread(error)
+                })
+            };
+            let readers: Vec<_> = specs.iter().map(read).collect();
+            let mut taped = Taped { tape: &tape, seat: Some(seats.take()) };
+            let result = program(&mut taped);
+            drop((ended, taped));
             let costs = readers
                 .into_iter()
-                .map(|reader| reader.join().unwrap_or_else(|panic| Err(Failure::Panic(panic))));
+                .map(|reader| reader?.join().unwrap_or_else(|panic| Err(Failure::Panic(panic))));
             (result, costs.collect())
         })
     }
 
-    /// What the steps of a tape cost on one machine.
+    /// What the steps of a tape's last frame cost on one machine.
     fn read_all(self, spec: &MachineSpec, tape: &Tape) -> Costs {
         let mut reader = tape.reader();
         let run = catch_unwind(AssertUnwindSafe(|| {
             let mut timing = self.timing(spec, 1);
             let mut costs = Vec::new();
             while let Some(step) = TapedStep::next(&mut reader) {
-                let report = timing.run_step(&step).map_err(Failure::Stuck)?;
+                if step.is_first {
+                    costs.clear();
+                }
+                let report = timing.run_step(&step);
+                let report = report.map_err(|stuck| Failure::Stuck(step.name().to_owned(), stuck))?;
                 costs.push(StepCost { report, activity: timing.activity().to_vec() });
             }
             Ok(costs)
@@ -165,8 +221,12 @@ mod tests {
             let alone: Vec<_> = alone.collect();
             for seats in [1, 3] {
                 let seats = Seats::new(seats);
-                let program = |run: &mut RunTasks| steps.iter().for_each(|tasks| run(tasks));
-                let (_, all) = level.on_all(&specs, &seats, program);
+                let program = |run: &mut dyn Steps| {
+                    run.frame();
+                    steps.iter().all(|tasks| run.run(tasks))
+                };
+                let (is_taken, all) = level.on_all(&specs, &seats, program);
+                assert!(is_taken);
                 let all: Vec<_> = all.into_iter().map(|costs| costs.expect("moves")).collect();
                 assert!(all == alone, "{level}");
             }

@@ -45,7 +45,7 @@ pub use counters::{Bounds, Cause, CycleStack, PhaseCounters, StepReport};
 pub use fidelity::Fidelity;
 pub use observer::Observer;
 pub use sampled::Sampling;
-pub use tape::{Seat, Seats};
+pub use tape::{KEPT_BYTES, Seat, Seats};
 pub use timing::Timing;
 
 /// A time or a number of core cycles.

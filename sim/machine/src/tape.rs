@@ -18,11 +18,18 @@ use std::ops::Range;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
 /// Bytes of streams that are kept at most, but for one stream that is longer.
-const KEPT_BYTES: usize = 64 << 20;
+pub const KEPT_BYTES: usize = 64 << 20;
+
+/// Bytes that an entry takes beside its uops and lines.
+const ENTRY_BYTES: usize = 200;
+
+/// Buffers of streams that are kept to be used again.
+const SPARE_MAX: usize = 32;
 
 /// How many threads may compute at once; several programs may share them.
 #[derive(Debug)]
 pub struct Seats {
+    count: usize,
     free: Mutex<usize>,
     changed: Condvar,
 }
@@ -30,7 +37,13 @@ pub struct Seats {
 impl Seats {
     /// `count` seats, all free; at least one.
     pub fn new(count: usize) -> Seats {
-        Seats { free: Mutex::new(count.max(1)), changed: Condvar::new() }
+        let count = count.max(1);
+        Seats { count, free: Mutex::new(count), changed: Condvar::new() }
+    }
+
+    /// How many there are, free or not.
+    pub fn count(&self) -> usize {
+        self.count
     }
 
     /// Takes a seat, once there is one.
@@ -59,6 +72,8 @@ impl Drop for Seat<'_> {
 /// What is written.
 #[derive(Debug, Clone)]
 enum Entry {
+    /// A frame begins: what came before is not asked for any more.
+    Frame,
     /// A step with its name and the number of its tasks, whose streams come next.
     Step(Arc<str>, u32),
     /// The stream of a task.
@@ -68,8 +83,8 @@ enum Entry {
 impl Entry {
     fn bytes(&self) -> usize {
         match self {
-            Entry::Step(..) => 0,
-            Entry::Task(stream) => 4 * (stream.uops.len() + stream.lines.len()),
+            Entry::Frame | Entry::Step(..) => ENTRY_BYTES,
+            Entry::Task(stream) => ENTRY_BYTES + 4 * (stream.uops.len() + stream.lines.len()),
         }
     }
 }
@@ -112,12 +127,7 @@ impl State {
         while let Some((entry, 0)) = self.entries.front() {
             self.bytes -= entry.bytes();
             self.first += 1;
-            if let Some((Entry::Task(stream), _)) = self.entries.pop_front()
-                && let Ok(mut stream) = Arc::try_unwrap(stream)
-            {
-                stream.clear();
-                self.spare.push(stream);
-            }
+            self.entries.pop_front();
         }
     }
 }
@@ -149,6 +159,21 @@ impl<'a> Tape<'a> {
             state = self.state();
         }
         state
+    }
+
+    /// Writes that a frame begins.
+    pub(crate) fn write_frame(&self, seat: &mut Option<Seat<'a>>) {
+        self.push(Entry::Frame, seat);
+    }
+
+    /// Whether anybody reads what is written.
+    pub(crate) fn is_read(&self) -> bool {
+        self.state().readers > 0
+    }
+
+    /// Says that one of the readers is not to be.
+    pub(crate) fn do_without(&self) {
+        self.state().readers -= 1;
     }
 
     /// Writes a step: all of its tasks are recorded, in order.
@@ -191,11 +216,26 @@ pub(crate) struct Reader<'t, 'a> {
 }
 
 impl Reader<'_, '_> {
-    /// The name of the next step and the number of its tasks; `None` at the end.
-    pub(crate) fn step(&mut self) -> Option<(Arc<str>, u32)> {
-        match self.read()? {
-            Entry::Step(name, tasks) => Some((name, tasks)),
-            Entry::Task(_) => unreachable!("all tasks of a step are read before the next"),
+    /// The name of the next step and the number of its tasks, behind the beginnings of frames, of which it tells whether there were any;
+    /// `None` at the end.
+    pub(crate) fn step(&mut self) -> Option<(Arc<str>, u32, bool)> {
+        let mut is_new = false;
+        loop {
+            match self.read()? {
+                Entry::Frame => is_new = true,
+                Entry::Step(name, tasks) => return Some((name, tasks, is_new)),
+                Entry::Task(_) => unreachable!("all tasks of a step are read before the next"),
+            }
+        }
+    }
+
+    /// Gives the buffers of a stream back that nobody else has.
+    fn give_back(&self, stream: Arc<Stream>) {
+        let Some(mut stream) = Arc::into_inner(stream) else { return };
+        stream.clear();
+        let mut state = self.tape.state();
+        if state.spare.len() < SPARE_MAX {
+            state.spare.push(stream);
         }
     }
 
@@ -232,14 +272,16 @@ impl Drop for Reader<'_, '_> {
 pub(crate) struct TapedStep<'r, 't, 'a> {
     name: Arc<str>,
     tasks: u32,
+    /// Whether it is the first of its frame.
+    pub(crate) is_first: bool,
     reader: Mutex<&'r mut Reader<'t, 'a>>,
 }
 
 impl<'r, 't, 'a> TapedStep<'r, 't, 'a> {
     /// The next step that `reader` reads; `None` at the end.
     pub(crate) fn next(reader: &'r mut Reader<'t, 'a>) -> Option<TapedStep<'r, 't, 'a>> {
-        let (name, tasks) = reader.step()?;
-        Some(TapedStep { name, tasks, reader: Mutex::new(reader) })
+        let (name, tasks, is_first) = reader.step()?;
+        Some(TapedStep { name, tasks, is_first, reader: Mutex::new(reader) })
     }
 }
 
@@ -258,13 +300,16 @@ impl TaskSource for TapedStep<'_, '_, '_> {
     }
 
     fn record(&self, _task: u32, stream: &mut Stream) {
-        let entry = self.reader.lock().unwrap_or_else(PoisonError::into_inner).read();
-        let Some(Entry::Task(taped)) = entry else { unreachable!("a step is written with all of its tasks") };
+        stream.clear();
+        let mut reader = self.reader.lock().unwrap_or_else(PoisonError::into_inner);
+        // A step that was not written to its end, because the program failed: nobody will ask for what this machine makes of it.
+        let Some(Entry::Task(taped)) = reader.read() else { return };
         stream.uops.extend_from_slice(&taped.uops);
         stream.lines.extend_from_slice(&taped.lines);
         let Stream { lanes_active, lanes_masked, live_vectors_max, cut_short, .. } = *taped;
         (stream.lanes_active, stream.lanes_masked) = (lanes_active, lanes_masked);
         (stream.live_vectors_max, stream.cut_short) = (live_vectors_max, cut_short);
+        reader.give_back(taped);
     }
 
     fn skip(&self, _tasks: Range<u32>, _counts: &mut OpCounts) {
@@ -304,6 +349,7 @@ mod tests {
                             }
                             let step = TapedStep::next(&mut reader).expect("written");
                             assert_eq!((step.name(), step.tasks()), ("synthetic", tasks));
+                            assert_eq!(step.is_first, tasks == 3);
                             for task in 0..tasks {
                                 let mut stream = Stream::default();
                                 step.record(task, &mut stream);
@@ -320,6 +366,7 @@ mod tests {
                     });
                 }
                 let mut seat = Some(seats.take());
+                tape.write_frame(&mut seat);
                 for count in steps {
                     tape.write_step(&Tasks { count, make }, &mut seat);
                     at_work();

@@ -3,9 +3,9 @@
 use std::path::Path;
 use std::sync::atomic::Ordering;
 
-use super::super::crew;
 use super::super::run::{Status, StudyProgress};
 use super::super::work::Work;
+use super::super::{crew, memory};
 use super::plan::Plan;
 use super::store::PlanStore;
 use crate::error::BadInput;
@@ -18,7 +18,7 @@ pub struct Shard<'a> {
     pub plan: &'a Path,
     /// Number of the shard.
     pub number: usize,
-    /// Points at once, one host thread each.
+    /// Host threads: so many points at once, or machines of points that share a functional run.
     pub threads: usize,
     /// How the node is called where it is not called by its host's name.
     pub node: Option<String>,
@@ -66,7 +66,9 @@ pub fn run_shard(shard: &Shard, log: &dyn StudyProgress) -> Result<Tally, Stoppe
             )));
         }
     }
-    let ended = crew::run(&work, &store, shard.threads, watch, log);
+    // What was asked of the cluster for this task.
+    let asked = plan.basis.memory.saturating_mul(shard.threads as u64);
+    let ended = crew::run(&work, &store, (shard.threads, memory::budget().min(asked)), watch, log);
     match ended {
         Ok((_, status)) => Ok(Tally { shards, status }),
         Err(bad) if store.changed.load(Ordering::Relaxed) => Err(Stopped::Refused(bad)),

@@ -29,6 +29,8 @@ pub(super) struct Estimate {
     pub(super) cycles: f64,
     /// What each limit alone would take.
     pub(super) bounds: Bounds,
+    /// Cycles until a thread has its first task.
+    pub(super) start: f64,
     /// Core-cycles in which something issues.
     pub(super) issue: f64,
     /// Thread-cycles by what a thread waits for.
@@ -38,6 +40,18 @@ pub(super) struct Estimate {
     pub(super) l2_misses: f64,
     pub(super) reads: f64,
     pub(super) writes: f64,
+}
+
+/// Chunks in which `threads` threads get `tasks` tasks, see [`chunk_lengths`](crate::scheduler::chunk_lengths): of `most` at first, and of
+/// fewer as they run out.
+fn chunks(tasks: f64, threads: f64, most: u32) -> f64 {
+    let round = 2.0 * threads;
+    let of_length = |length: u32| {
+        let (from, to) = (f64::from(length) * round, f64::from(length + 1) * round);
+        let to = if length == most { f64::INFINITY } else { to };
+        (tasks.min(to) - from).max(0.0) / f64::from(length)
+    };
+    tasks.min(round) + (1..=most).map(of_length).sum::<f64>()
 }
 
 /// Limits that are close add up in part: between the greatest and the sum, nearer to the greatest.
@@ -52,7 +66,7 @@ impl Costs {
         let rings = Rings::new(spec, false);
         let transfer = mean_transfer_cycles(spec, &rings) as f64;
         // All pairs while they are few, a regular sample of them beyond.
-        let stride = spec.cores.div_ceil(16).max(1) as usize;
+        let stride = (spec.cores.div_ceil(16) | 1) as usize;
         let (mut cycles, mut pairs) = (0, 0);
         for from in (0..spec.cores).step_by(stride) {
             for to in (0..spec.cores).step_by(stride) {
@@ -91,12 +105,12 @@ impl Costs {
         let missing = |bins: &[f64; BINS], lines: f64| -> f64 {
             bins.iter().enumerate().map(|(bin, count)| count * (1.0 - kept(bin, lines))).sum()
         };
-        let is_ideal = f64::from(u8::from(!spec.ideal.memory));
+        let has_memory = f64::from(u8::from(!spec.ideal.memory));
         let new_lines = profile.near_lines[BINS - 1];
         let new_uops = profile.near_uops[BINS - 1];
         let near = |bins: &[f64; BINS], lines| missing(bins, lines) - bins[BINS - 1];
         // Groups that this core has run before, at the middle of the step.
-        let before = profile.groups / cores / 2.0;
+        let before = ((profile.groups / cores - 1.0) / 2.0).max(0.0);
         let found = |room: f64| -> f64 {
             let recent = (room * beside / profile.group_lines.max(1.0)).min(before);
             let of_part = |(bin, count): (usize, &f64)| {
@@ -104,28 +118,33 @@ impl Costs {
                 let expected = part * recent;
                 count * expected / (1.0 + expected)
             };
-            profile.shared.iter().enumerate().map(of_part).sum::<f64>() / new_lines.max(1.0)
+            // What others write is elsewhere by then, if there are others.
+            let kept = profile.contended * (1.0 - elsewhere) * recent / (1.0 + recent);
+            (profile.shared.iter().enumerate().map(of_part).sum::<f64>() + kept) / new_lines.max(1.0)
         };
         let (room1, room2) = (room(&spec.l1d), room(&spec.l2));
         let (found1, found2) = (found(room1).min(1.0), found(room2).min(1.0));
-        let l1_misses = (near(&profile.near_lines, room1) + new_lines * (1.0 - found1)) * is_ideal;
-        let l2_misses = (near(&profile.near_lines, room2) + new_lines * (1.0 - found2)) * is_ideal;
+        let l1_misses = (near(&profile.near_lines, room1) + new_lines * (1.0 - found1)) * has_memory;
+        let l2_misses = (near(&profile.near_lines, room2) + new_lines * (1.0 - found2)) * has_memory;
 
         // Where lines come from that no access of the group or the core has left there.
         let chip = f64::from(spec.l2.sets * spec.l2.ways) * f64::from(spec.cores);
         let distinct: f64 = profile.far.iter().sum();
-        let first = (missing(&profile.far, chip) - profile.streamed).max(0.0);
+        let missing_far = missing(&profile.far, chip);
+        let part_far = missing_far / distinct.max(1.0);
+        let first = (missing_far - profile.streamed * part_far).max(0.0);
         // What an earlier group has brought, and no L2 of the chip has any more.
         let lost = |volume: f64| (1.0 - chip / volume.max(1.0)).clamp(0.0, 1.0);
         let again = (new_lines * (1.0 - found2) - distinct).max(0.0) * lost(new_lines);
         let reads = (first + again + near(&profile.near_lines, room2)).min(l2_misses);
-        let writes = profile.written.min(distinct) * lost(profile.volume) * is_ideal;
+        let writes = profile.written.min(distinct) * part_far * lost(profile.volume) * has_memory;
         let from_memory = if l2_misses > 0.0 { reads / l2_misses } else { 0.0 };
 
         // One thread alone.
         let single = if spec.core.dual_issue { 0.0 } else { profile.pairs };
         let issue = uops - profile.pairs + single;
         let slower = issue / (uops - profile.pairs).max(1.0);
+        let interval = spec.core.issue_interval as f64;
         let mut waits = [0.0; Cause::COUNT];
         let mut loads_waited_for = 0.0;
         for class in Class::ALL {
@@ -133,28 +152,36 @@ impl Costs {
             let row = &profile.waits[class as usize];
             let cause = if class.is_memory() { Cause::L1 } else { Cause::Dependency };
             for (distance, count) in row.iter().enumerate().take(DISTANCES) {
-                waits[cause as usize] += count * (latency - distance as f64 * slower).max(0.0);
+                waits[cause as usize] += count * (latency - distance as f64 * slower * interval).max(0.0);
             }
             if class.is_memory() {
                 loads_waited_for += row.iter().sum::<f64>();
             }
         }
         waits[Cause::Dependency as usize] +=
-            profile.count(Class::Branch) * (self.latency(Class::Branch) - 1.0).max(0.0);
-        let interval = spec.core.gather_interval_x256 as f64 / 256.0;
-        let gathers = [Class::Gather, Class::Scatter, Class::AtomicGather, Class::AtomicScatter]
-            .map(|class| profile.count(class))
-            .iter()
-            .sum::<f64>();
-        waits[Cause::GatherLines as usize] +=
-            (profile.gather_lines * interval - gathers).max(0.0) + gathers * spec.core.gather_overhead as f64;
-        waits[Cause::Atomic as usize] += profile.locked * spec.atomic_cycles as f64;
+            profile.count(Class::Branch) * (self.latency(Class::Branch) - interval).max(0.0);
+        waits[Cause::L1 as usize] += profile.second_lines;
+        // A thread hands on no more than one line a cycle.
+        let line_interval = spec.core.gather_interval_x256 as f64 / 256.0;
+        let counts = |classes: &[Class]| classes.iter().map(|class| profile.count(*class)).sum::<f64>();
+        let gathers = counts(&[
+            Class::Gather,
+            Class::Scatter,
+            Class::AtomicGather,
+            Class::AtomicScatter,
+            Class::GatherPrefetch,
+        ]);
+        waits[Cause::GatherLines as usize] += (profile.gather_lines * line_interval.max(1.0) - gathers)
+            .max(0.0)
+            + gathers * spec.core.gather_overhead as f64;
+        waits[Cause::Atomic as usize] +=
+            counts(&[Class::Atomic, Class::AtomicGather]) * (spec.atomic_cycles as f64 - interval).max(0.0);
         // Uops whose farthest line misses. A thread that does not sleep through them waits where a result is used.
         let stalls = if spec.core.blocks_on_l1_miss {
             1.0
         } else {
             (loads_waited_for / profile.near_uops.iter().sum::<f64>().max(1.0)).min(1.0)
-        } * is_ideal;
+        } * has_memory;
         let miss1 = (near(&profile.near_uops, room1) + new_uops * (1.0 - found1)) * stalls;
         let miss2 = (near(&profile.near_uops, room2) + new_uops * (1.0 - found2)) * stalls;
         let hit2 = spec.l2.hit_cycles as f64;
@@ -163,11 +190,11 @@ impl Costs {
         let others = miss2 * (1.0 - from_memory);
         waits[Cause::Remote as usize] += others * elsewhere * self.transfer;
         waits[Cause::L2 as usize] += others * (1.0 - elsewhere) * hit2;
-        let alone = issue * spec.core.issue_interval as f64 + waits.iter().sum::<f64>();
+        let alone = issue * interval + waits.iter().sum::<f64>();
 
         // What each limit takes, in cycles of the chip.
         let ports = profile.lines / f64::from(spec.core.l1_accesses_per_cycle);
-        let l1 = ports.max(profile.gather_lines * interval) / cores;
+        let l1 = ports.max(profile.gather_lines * line_interval) / cores;
         let missing_cycles =
             l2_misses * (from_memory * self.memory + (1.0 - from_memory) * elsewhere * self.transfer);
         let mshrs = f64::from(spec.l1d.mshrs.min(spec.l2.mshrs));
@@ -175,23 +202,34 @@ impl Costs {
         let line_slots = f64::from(spec.ring.line_slots);
         let links = 2.0 * f64::from(spec.cores);
         let directory = l2_misses * spec.directory_interval as f64 / f64::from(spec.cores);
-        let ring = (l2_misses * self.hops * line_slots / links).max(directory);
+        // A line, two messages for addresses or more, and what of both goes by way of the ring of rings.
+        let strands = f64::from(spec.ring.address_rings);
+        let rings = f64::from(spec.ring.rings);
+        let crossing = (1.0 - 1.0 / rings) * (rings / 4.0).max(1.0) / (2.0 * rings);
+        let slots = line_slots.max(2.0 / strands);
+        let moving = if spec.ring.free { 0.0 } else { slots * (self.hops / links).max(crossing) };
+        let ring = (l2_misses * moving).max(directory);
         let line_cycles = spec.memory.line_interval_x256 as f64 / 256.0;
-        let memory = (reads * is_ideal + writes) * line_cycles / f64::from(spec.memory.controllers);
-        let move_cycles = spec.atomic_cycles as f64 + elsewhere * self.transfer * is_ideal;
+        let memory = (reads + writes) * line_cycles / f64::from(spec.memory.controllers);
+        let move_cycles = spec.atomic_cycles as f64 + elsewhere * self.transfer * has_memory;
         // Every thread asks for its first task, one core after the other, and for others whenever it has none.
-        let chunks = f64::from(tasks) / f64::from(spec.chunk_tasks_max);
+        let chunks = chunks(f64::from(tasks), threads, spec.chunk_tasks_max);
         let pulls = if spec.ideal.queue { 0.0 } else { (chunks - threads).max(0.0) };
-        let atomics = (profile.locked_hottest + pulls) * move_cycles;
+        let hottest = profile.locked_hottest / if spec.ideal.memory { cores } else { 1.0 };
+        // Who waits has asked already: half of the way is behind the request. Threads of a core take the counter one after the other.
+        let handed_on = spec.atomic_cycles as f64 + elsewhere * self.transfer * has_memory / 2.0;
+        let atomics = (hottest + pulls / beside) * handed_on;
         let start =
             if spec.ideal.queue { 0.0 } else { cores * move_cycles / 2.0 + spec.dispatch_cycles as f64 };
 
         // Tasks do not divide evenly among threads.
-        let each = (f64::from(tasks) / threads).max(1.0);
-        let tail = if each < 2.0 { each.ceil() / each } else { 1.0 + 0.5 * threads * lengths.typical };
-        let chains = alone / threads;
-        let issue_cycles = issue / cores;
-        let core = (together(&[issue_cycles, chains, l1, l2]) * tail).max(alone * lengths.longest);
+        let tail = |units: f64| {
+            let each = (f64::from(tasks) / units).max(1.0);
+            if each < 2.0 { each.ceil() / each } else { 1.0 + 0.5 * units * lengths.typical }
+        };
+        let chains = (alone / threads * tail(threads)).max(alone * lengths.longest);
+        let [issue_cycles, l1, l2] = [issue / cores, l1, l2].map(|limit| limit * tail(cores));
+        let core = together(&[issue_cycles, chains, l1, l2]);
         let running = together(&[core, ring, memory, atomics]);
         Estimate {
             cycles: running + start + self.barrier,
@@ -205,11 +243,12 @@ impl Costs {
                 atomics: atomics as u64,
                 barrier: (start + self.barrier) as u64,
             },
+            start,
             issue,
             waits,
             l1_misses,
             l2_misses,
-            reads: reads * is_ideal,
+            reads,
             writes,
         }
     }

@@ -223,7 +223,9 @@ impl Machine {
         let cycles = estimate.cycles.round() as Cycle;
         let barrier = estimate.bounds.barrier.min(cycles);
         let mut report = StepReport { cycles, bounds: estimate.bounds, ..counts.clone() };
-        report.cycle_stack = stack(&estimate, u64::from(self.cores), cycles, barrier, counts.issued);
+        let active = self.cores.min(tasks);
+        report.cycle_stack =
+            stack(&estimate, [self.cores, active].map(u64::from), cycles, barrier, counts.issued);
         report.paired = counts.issued - report.cycle_stack.issue;
         let whole = |count: f64| count.round() as u64;
         report.l1d.misses = whole(estimate.l1_misses);
@@ -239,21 +241,27 @@ impl Machine {
         report.atomics.operations = whole(profile.locked);
         report.atomics.barriers = 1;
         self.activity.fill(CoreActivity::default());
-        let active = self.activity.len().min(tasks as usize);
-        self.activity[..active].fill(CoreActivity { issued: 1, busy_cycles: 1, arrival_cycles: 0 });
+        self.activity[..active as usize].fill(CoreActivity { issued: 1, busy_cycles: 1, arrival_cycles: 0 });
         share_out(&mut self.activity, &report, cycles - barrier);
         report
     }
 }
 
-/// Core-cycles by cause: issue as counted, the barrier as estimated, and the rest as threads wait.
-fn stack(estimate: &Estimate, cores: u64, cycles: Cycle, barrier: Cycle, issued: u64) -> CycleStack {
-    let running = cores * (cycles - barrier);
+/// Core-cycles by cause: issue as counted, the barrier as estimated, that of idle cores too, and the rest as threads wait.
+fn stack(
+    estimate: &Estimate,
+    [cores, active]: [u64; 2],
+    cycles: Cycle,
+    barrier: Cycle,
+    issued: u64,
+) -> CycleStack {
+    let running = active * (cycles - barrier);
     let issue = (estimate.issue.round() as u64).min(running).min(issued);
     let room = running - issue;
     let waits: f64 = estimate.waits.iter().sum();
     let mut stack = estimate.waits.map(|cycles| (cycles / waits.max(1.0) * room as f64) as u64);
     stack[Cause::Issue as usize] = issue;
+    stack[Cause::Queue as usize] = active * (estimate.start as u64).min(barrier);
     let sum: u64 = stack.iter().sum();
     stack[Cause::Barrier as usize] += cores * cycles - sum;
     CycleStack::from_array(stack)

@@ -7,7 +7,7 @@ use crate::core::{Kind, Row, table};
 use lrbsim_isa::stream::{Place, Stream};
 use lrbsim_isa::uop::Class;
 
-/// Distances, in cycles, from a uop to the first that waits for it, that are told apart; farther ones wait on no machine but for memory.
+/// Distances, in cycles, from a uop to the first that waits for it, that are told apart; the last stands for farther ones too.
 pub(super) const DISTANCES: usize = 16;
 
 /// Bins for the part of all groups that touch a line: bin k is for 1 in 2^k.
@@ -27,6 +27,8 @@ pub(super) struct Profile {
     pub(super) waits: Box<[[f64; DISTANCES]; Class::COUNT]>,
     /// Lines that are handed to the L1.
     pub(super) lines: f64,
+    /// Of these the second lines of loads and stores, each of which takes a cycle of its own.
+    pub(super) second_lines: f64,
     /// Of these the lines of gathers and scatters.
     pub(super) gather_lines: f64,
     /// Uops that touch memory, by the distance of the farthest of their lines within the group; `NEVER` for those with a line of the arena
@@ -63,6 +65,7 @@ impl Default for Profile {
             pairs: 0.0,
             waits: Box::new([[0.0; DISTANCES]; Class::COUNT]),
             lines: 0.0,
+            second_lines: 0.0,
             gather_lines: 0.0,
             near_uops: [0.0; BINS],
             near_lines: [0.0; BINS],
@@ -97,6 +100,7 @@ impl Profile {
         let single = [
             &mut self.pairs,
             &mut self.lines,
+            &mut self.second_lines,
             &mut self.gather_lines,
             &mut self.contended,
             &mut self.streamed,
@@ -119,8 +123,8 @@ pub(super) struct Reader {
     touched: Vec<Touched>,
     /// What this group has touched, in any order, lines more than once.
     group: Vec<Touched>,
-    /// Lines of locked operations of the step.
-    locked: Vec<u32>,
+    /// Lines of locked operations of the step, each with the number of the group.
+    locked: Vec<(u32, u32)>,
     /// Groups of the step that were read, and their distinct lines.
     groups: u32,
     group_lines: u64,
@@ -172,8 +176,6 @@ impl Reader {
         for (place, uop) in stream.uops.iter().enumerate() {
             let [class, first, second, third] = uop.to_le_bytes();
             let row = self.rows[class as usize];
-            let joins = open.is_some_and(|before| before.pairs_with(row)) && next == cycle + 1;
-            let free = if joins { cycle } else { next };
             let third_producer = third & row.third_producer() as u8;
             let mut wait = None::<(u64, u64, u8)>;
             for distance in [first, second, third_producer] {
@@ -184,16 +186,21 @@ impl Reader {
                     }
                 }
             }
-            let mut at = free;
-            if let Some((issued, ready, of)) = wait {
-                let distance = free.saturating_sub(issued) as usize;
-                if distance < DISTANCES {
-                    self.profile.waits[of as usize][distance] += 1.0;
+            // What is not ready beside the uop before does not pair with it, and is then no later than it would be alone.
+            let ready = wait.map_or(0, |(_, ready, _)| ready);
+            let fits = open.is_some_and(|before| before.pairs_with(row)) && next == cycle + 1;
+            let joins = fits && ready <= cycle;
+            let free = if joins { cycle } else { next };
+            if let Some((issued, _, of)) = wait {
+                // A thread sleeps through locked operations: nobody waits for their results.
+                if !self.rows[of as usize].kind().locks() {
+                    let distance = free.saturating_sub(issued) as usize;
+                    self.profile.waits[of as usize][distance.min(DISTANCES - 1)] += 1.0;
                 }
-                at = at.max(ready);
             }
+            let at = free.max(ready);
             self.profile.classes[class as usize] += 1.0;
-            if joins && at == cycle {
+            if joins {
                 self.profile.pairs += 1.0;
                 open = None;
             } else {
@@ -201,19 +208,17 @@ impl Reader {
             }
             cycle = at;
             next = at + 1;
-            past[place % 256] = (at, at + row.latency().cycles(), class);
+            let mut last = at;
             if row.is_branch() {
                 next = at + row.latency().cycles();
             } else if !row.is_compute() {
                 let count = usize::from(third);
                 self.access(row.kind(), count, &mut lines);
-                if row.kind().is_gather() && !row.kind().is_prefetch() {
-                    next = at + (count as u64).max(1);
-                }
-                if row.kind().locks() {
-                    next = at + row.latency().cycles();
-                }
+                // One line a cycle; the result comes with the last.
+                last = at + (count as u64).saturating_sub(1);
+                next = last + if row.kind().locks() { row.latency().cycles() } else { 1 };
             }
+            past[place % 256] = (last, last + row.latency().cycles(), class);
         }
     }
 
@@ -238,7 +243,7 @@ impl Reader {
                     self.profile.streamed += f64::from(u8::from(kind.intent() == Intent::Stream));
                 }
                 if kind.locks() {
-                    self.locked.push(number);
+                    self.locked.push((number, self.groups));
                 }
             }
             self.profile.lines += 1.0;
@@ -247,6 +252,8 @@ impl Reader {
         }
         if kind.is_gather() {
             self.profile.gather_lines += count as f64;
+        } else {
+            self.profile.second_lines += count.saturating_sub(1) as f64;
         }
         if count > 0 && !kind.is_prefetch() {
             self.profile.near_uops[farthest] += 1.0;
@@ -284,25 +291,30 @@ impl Reader {
                 _ => regions.push((region, lines)),
             }
         }
+        // A region is touched in the middle of a step, as far as it is known when.
+        let volume = (self.touched.len() as f64 * factor) as u64;
+        let middle = self.volume + volume / 2;
+        self.touched.clear();
         for (region, lines) in &regions {
             if *region >= self.regions.len() {
                 self.regions.resize(region + 1, 0);
             }
-            let last = self.regions[*region];
-            let bin = if last == 0 { NEVER } else { bin(self.volume - (last - 1)) };
+            let last = std::mem::replace(&mut self.regions[*region], middle + 1);
+            let bin = if last == 0 { NEVER } else { bin(middle - (last - 1)) };
             profile.far[bin] += lines;
         }
-        self.volume += (self.touched.len() as f64 * factor) as u64;
-        self.touched.clear();
-        for (region, _) in &regions {
-            self.regions[*region] = self.volume + 1;
-        }
+        self.volume += volume;
         profile.volume = self.volume as f64;
 
         self.locked.sort_unstable();
         profile.locked = self.locked.len() as f64;
-        let hottest = self.locked.chunk_by(|a, b| a == b).map(<[u32]>::len).max().unwrap_or(0);
-        profile.locked_hottest = hottest as f64 * factor;
+        let operations = |same: &[(u32, u32)]| {
+            // What one group alone locks, others do not lock more often.
+            let is_shared = same[0].1 != same[same.len() - 1].1;
+            same.len() as f64 * if is_shared { factor } else { 1.0 }
+        };
+        let by_line = self.locked.chunk_by(|a, b| a.0 == b.0);
+        profile.locked_hottest = by_line.map(operations).fold(0.0, f64::max);
         self.locked.clear();
         profile.scale(factor);
         profile

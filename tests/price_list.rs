@@ -1,0 +1,53 @@
+//! `lrbsim study fidelity`: what each level of modeling costs.
+
+mod common;
+
+use common::Folder;
+use lrbsim_reports::fidelity::FidelityReport;
+
+#[test]
+fn the_study_leaves_a_price_list_and_a_page_that_can_be_drawn_again() {
+    let folder = Folder::new();
+    let printed = folder.run(&["study", "fidelity", "--quick", "-o", "out"]).ok().stdout();
+    for part in ["The price list", "`windowed` is the default", "3 subjects, 0 failed"] {
+        assert!(printed.contains(part), "`{part}` is not in {printed}");
+    }
+    let left = common::names(&folder.path("out"));
+    for name in
+        ["prices.csv", "prices.svg", "tiny.csv", "triad.csv", "table.md", "report.html", "fidelity.json"]
+    {
+        assert!(left.iter().any(|file| file == name), "{name}: {left:?}");
+    }
+    let read = |name: &String| std::fs::read(folder.path(&format!("out/{name}"))).expect("readable");
+    let before = left.iter().map(read).collect::<Vec<_>>();
+    folder.run(&["report", "out"]).ok();
+    assert_eq!(left.iter().map(read).collect::<Vec<_>>(), before);
+    folder.run(&["compare", "out", "out"]).refused(&["no times to compare"]);
+
+    let report: FidelityReport =
+        serde_json::from_slice(&read(&"fidelity.json".to_owned())).expect("its own JSON");
+    for subject in &report.subjects {
+        let level = |name: &str| {
+            let is_it = |level: &&lrbsim_reports::fidelity::FidelityLevel| level.level.starts_with(name);
+            subject.levels.iter().find(is_it).expect("every level")
+        };
+        assert_eq!(level("functional").error, None);
+        assert_eq!((level("cycle").error, level("cycle").phase_error), (Some(0.0), Some(0.0)));
+        let windowed = level("windowed").phase_error.expect("timed");
+        // Subjects of a few thousand cycles.
+        assert!(windowed.abs() < 0.1, "{}: {windowed}", subject.name);
+        // Where all tasks are timed, nothing is extrapolated.
+        let sampled = level("sampled").error.expect("timed");
+        assert!(sampled.abs() < 0.1, "{}: {sampled}", subject.name);
+    }
+}
+
+#[test]
+fn what_is_no_subject_is_refused() {
+    let folder = Folder::new();
+    folder.run(&["study", "fidelity", "--only", "xyz"]).refused(&[
+        "no subject of `fidelity`",
+        "palm",
+        "triad",
+    ]);
+}
