@@ -143,6 +143,6 @@ fn what_is_no_method_or_no_study_of_this_kind_is_refused() {
     folder.run(&["study", "table3", "-a", "pcs"]).refused(&["`pcs` is no algorithm", "`pcss`"]);
     folder.run(&["study", "cores", "-a", "pcss"]).refused(&["`-a` is for `lrbsim study table3` alone"]);
     folder.run(&["study", "stability", "-a", "pcss"]).refused(&["`-a` is for `lrbsim study table3` alone"]);
-    folder.run(&["study", "cores", "--quick"]).refused(&["`--quick` is for", "`table3` alone"]);
+    folder.run(&["study", "cores", "--quick"]).refused(&["`--quick` is for", "`fidelity` alone"]);
     folder.run(&["study", "table3", "--engine", "slurm"]).refused(&["`table3`", "this machine alone"]);
 }
