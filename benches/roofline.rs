@@ -6,6 +6,7 @@
 //! ```
 
 use lrbsim::progress::Quiet;
+use lrbsim::study::SplitMix;
 use lrbsim::{HostOptions, Machine, RunRequest, Setting, inputs, run_frame};
 use lrbsim_machine::Fidelity;
 use lrbsim_reports::run::RunReport;
@@ -15,22 +16,13 @@ type Error = Box<dyn std::error::Error>;
 /// Machines that are compared.
 const MACHINES: usize = 40;
 
-/// Steele, Lea and Flood's SplitMix64.
-struct Random(u64);
+/// Draws by lot.
+struct Random(SplitMix);
 
 impl Random {
-    /// A number in [0, 1).
-    fn unit(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut bits = self.0;
-        bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((bits ^ (bits >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
     /// A number between, in equal parts for each octave.
     fn octaves(&mut self, least: f64, most: f64) -> f64 {
-        least * (most / least).powf(self.unit())
+        least * (most / least).powf(self.0.unit())
     }
 
     fn whole(&mut self, least: f64, most: f64) -> String {
@@ -38,7 +30,7 @@ impl Random {
     }
 
     fn one_of(&mut self, values: &[&str]) -> String {
-        values[(self.unit() * values.len() as f64) as usize].to_owned()
+        values[(self.0.unit() * values.len() as f64) as usize].to_owned()
     }
 }
 
@@ -93,7 +85,7 @@ fn main() -> Result<(), Error> {
     let mut scene = inputs::scene(name)?;
     inputs::resize(&mut scene, 200, 150)?;
     let chip = Machine::load("larrabee-24", &[])?;
-    let mut random = Random(seed);
+    let mut random = Random(SplitMix(seed));
     let mut reports: Vec<[RunReport; 2]> = Vec::new();
     for _ in 0..MACHINES {
         let set = draw(&mut random).iter().map(|text| text.parse()).collect::<Result<Vec<Setting>, _>>()?;

@@ -37,7 +37,7 @@ const MACHINE: &str = "larrabee-24";
 const SCENES: [(&str, u32, u32); 4] =
     [("palm", 320, 320), ("saloon", 320, 240), ("street", 160, 120), ("fern", 80, 60)];
 
-/// The same scenes, to try the study out.
+/// A small scene in place of those of the paper, to try the study out.
 const QUICK: [(&str, u32, u32); 1] = [("tiny", 40, 30)];
 
 /// Errors, in per cent, that `sampled` is asked for.

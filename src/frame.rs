@@ -129,9 +129,11 @@ pub fn run_frame(request: &RunRequest, progress: &dyn Progress) -> Result<RunOut
     Ok(RunOutput { report, host, frame: finished.frame })
 }
 
-/// Runs what `request` asks for on each of `machines` in place of its own, and hands `each` their outputs, in order: the program runs once, for all
-/// of them, on no more host threads at once than there are `seats`. All that comes out is what [`run_frame`] would give for each, but for what it cost the host: each has its
-/// part of the threads that computed, as if all seats were theirs.
+/// Runs what `request` asks for on each of `machines` in place of its own, and hands `each` their outputs, in order: the program runs
+/// once, for all of them, on no more host threads at once than there are `seats`.
+///
+/// All that comes out is what [`run_frame`] would give for each, but for what it cost the host: each has its part of the threads that
+/// computed, as if all seats were theirs.
 ///
 /// # Errors
 /// What is wrong with all of them; what is wrong with one, `each` gets.
@@ -143,12 +145,12 @@ pub(crate) fn run_on_machines(
 ) -> Result<(), BadInput> {
     let watch = Stopwatch::start();
     let progress = &Quiet;
-    let mut seat = Some(seats.take());
+    let seat = seats.take();
     let prepared = Prepared::new(request, progress)?;
     let simulation = Stopwatch::start();
     let specs: Vec<MachineSpec> = machines.iter().map(|machine| machine.spec.clone()).collect();
     // Who waits for a seat has none.
-    seat.take();
+    drop(seat);
     let mut steps: Vec<(&'static Phase, &'static str)> = Vec::new();
     let (program, costs) = request.fidelity.on_all(&specs, seats, |machines| {
         let mut frame = || {

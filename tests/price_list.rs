@@ -12,20 +12,13 @@ fn the_study_leaves_a_price_list_and_a_page_that_can_be_drawn_again() {
     for part in ["The price list", "`windowed` is the default", "3 subjects, 0 failed"] {
         assert!(printed.contains(part), "`{part}` is not in {printed}");
     }
-    let left = common::names(&folder.path("out"));
-    for name in
-        ["prices.csv", "prices.svg", "tiny.csv", "triad.csv", "table.md", "report.html", "fidelity.json"]
-    {
-        assert!(left.iter().any(|file| file == name), "{name}: {left:?}");
-    }
-    let read = |name: &String| std::fs::read(folder.path(&format!("out/{name}"))).expect("readable");
-    let before = left.iter().map(read).collect::<Vec<_>>();
-    folder.run(&["report", "out"]).ok();
-    assert_eq!(left.iter().map(read).collect::<Vec<_>>(), before);
+    let files =
+        ["prices.csv", "prices.svg", "tiny.csv", "triad.csv", "table.md", "report.html", "fidelity.json"];
+    common::drawn_again(&folder, "out", &files);
     folder.run(&["compare", "out", "out"]).refused(&["no times to compare"]);
 
-    let report: FidelityReport =
-        serde_json::from_slice(&read(&"fidelity.json".to_owned())).expect("its own JSON");
+    let text = std::fs::read(folder.path("out/fidelity.json")).expect("readable");
+    let report: FidelityReport = serde_json::from_slice(&text).expect("its own JSON");
     for subject in &report.subjects {
         let level = |name: &str| {
             let is_it = |level: &&lrbsim_reports::fidelity::FidelityLevel| level.level.starts_with(name);

@@ -125,14 +125,8 @@ fn the_study_leaves_a_table_and_a_page_that_can_be_drawn_again() {
     let folder = Folder::new();
     let printed = folder.run(&["study", "table3", "--quick", "--only", "hard", "-o", "out"]).ok().stdout();
     assert!(printed.contains("Visual qualities") && printed.contains("1 method, 0 failed"), "{printed}");
-    let left = common::names(&folder.path("out"));
-    for name in ["qualities.csv", "frequencies.svg", "table.md", "report.html", "table3.json"] {
-        assert!(left.iter().any(|file| file == name), "{name}: {left:?}");
-    }
-    let read = |name: &String| std::fs::read(folder.path(&format!("out/{name}"))).expect("readable");
-    let before = left.iter().map(read).collect::<Vec<_>>();
-    folder.run(&["report", "out"]).ok();
-    assert_eq!(left.iter().map(read).collect::<Vec<_>>(), before);
+    let files = ["qualities.csv", "frequencies.svg", "table.md", "report.html", "table3.json"];
+    common::drawn_again(&folder, "out", &files);
     folder.run(&["compare", "out", "out"]).refused(&["no times to compare"]);
 }
 

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::analysis::Finding;
+use crate::analysis::{Finding, document, paragraphs};
 use crate::plot::{Axis, Lines, Look, Plot, Series};
 use crate::sheet::{Cell, Sheet, short};
 
@@ -261,17 +261,8 @@ impl FidelityReport {
 
     /// The study as one Markdown text.
     pub fn markdown(&self) -> String {
-        let mut text = String::from("# fidelity\n");
-        for paragraph in self.introduction() {
-            text.push_str(&format!("\n{paragraph}\n"));
-        }
-        for finding in self.findings() {
-            text.push_str(&format!("\n## {}\n\n{}", finding.title, finding.sheet.markdown()));
-            for note in &finding.notes {
-                text.push_str(&format!("\n{note}\n"));
-            }
-        }
-        text
+        let about = std::iter::repeat(String::new());
+        document("fidelity", &paragraphs(&self.introduction()), &self.findings(), about)
     }
 }
 

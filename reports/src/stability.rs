@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::analysis::Finding;
+use crate::analysis::{Finding, document, paragraphs};
 use crate::plot::{Axis, Lines, Look, Plot, Series};
 use crate::sheet::{Cell, Sheet, round, short};
 use crate::table::counted;
@@ -523,23 +523,11 @@ impl StabilityReport {
 
     /// The study as one Markdown text.
     pub fn markdown(&self) -> String {
-        let mut text = String::from("# stability\n");
-        for paragraph in self.introduction() {
-            text.push_str(&format!("\n{paragraph}\n"));
-        }
-        text.push('\n');
-        for (name, meaning) in COLUMNS {
-            text.push_str(&format!("* {name}: {meaning}\n"));
-        }
+        let columns = COLUMNS.iter().map(|(name, meaning)| format!("* {name}: {meaning}\n"));
+        let introduction = paragraphs(&self.introduction()) + "\n" + &columns.collect::<String>();
         let about = std::iter::once(String::new())
             .chain(self.families.iter().map(|family| format!("{} {}\n\n", family.varied, family.meaning)));
-        for (finding, about) in self.findings().iter().zip(about) {
-            text.push_str(&format!("\n## {}\n\n{about}{}", finding.title, finding.sheet.markdown()));
-            for note in &finding.notes {
-                text.push_str(&format!("\n{note}\n"));
-            }
-        }
-        text
+        document("stability", &introduction, &self.findings(), about)
     }
 
     /// Points with a picture or without, and how many of them failed.

@@ -118,16 +118,20 @@ fn row(phase: &PhaseReport, timed: bool, is_of_paper: bool) -> Row {
 
 /// The greatest limits, in percent of the time of the phase.
 fn limits(bounds: &Bounds, cycles: Option<u64>) -> String {
-    let mut named = bounds.named();
-    // Equal ones stay in the order of the fields.
-    named.sort_by_key(|(_, bound)| std::cmp::Reverse(*bound));
-    let all = cycles.unwrap_or(0).max(1) as f64;
-    let named: Vec<String> = named[..CAUSES_MAX]
-        .iter()
-        .map(|(name, bound)| (name, *bound as f64 / all))
+    greatest(bounds.named().into_iter(), cycles.unwrap_or(0))
+}
+
+/// The greatest of named parts of `all`, in percent; equal ones stay in their order.
+fn greatest(parts: impl Iterator<Item = (&'static str, u64)>, all: u64) -> String {
+    let mut parts: Vec<(&str, f64)> = parts
+        .filter(|(_, cycles)| *cycles > 0)
+        .map(|(name, cycles)| (name, cycles as f64 / all as f64))
         .filter(|(_, part)| *part >= CAUSE_PART_MIN)
-        .map(|(name, part)| format!("{name} {:.0}%", part * 100.0))
         .collect();
+    parts.sort_by(|a, b| b.1.total_cmp(&a.1));
+    parts.truncate(CAUSES_MAX);
+    let named: Vec<String> =
+        parts.iter().map(|(name, part)| format!("{name} {:.0}%", part * 100.0)).collect();
     if named.is_empty() { "-".to_owned() } else { named.join(", ") }
 }
 
@@ -142,19 +146,8 @@ fn time(ms: Option<f64>, interval: Option<[f64; 2]>) -> String {
 /// The causes that core-cycles without an instruction were lost to, the greatest first.
 fn waits(phase: &PhaseReport) -> String {
     let Some(stack) = &phase.cycle_stack else { return String::new() };
-    let all = stack.total();
-    let mut causes: Vec<(Cause, f64)> = stack
-        .iter()
-        .filter(|(cause, cycles)| *cause != Cause::Issue && *cycles > 0)
-        .map(|(cause, cycles)| (cause, cycles as f64 / all as f64))
-        .filter(|(_, part)| *part >= CAUSE_PART_MIN)
-        .collect();
-    // Equal parts stay in the order of the stack.
-    causes.sort_by(|a, b| b.1.total_cmp(&a.1));
-    causes.truncate(CAUSES_MAX);
-    let named: Vec<String> =
-        causes.iter().map(|(cause, part)| format!("{} {:.0}%", label(*cause), part * 100.0)).collect();
-    if named.is_empty() { "-".to_owned() } else { named.join(", ") }
+    let causes = stack.iter().filter(|(cause, _)| *cause != Cause::Issue);
+    greatest(causes.map(|(cause, cycles)| (label(cause), cycles)), stack.total())
 }
 
 /// A cause as people read it.

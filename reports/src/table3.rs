@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::analysis::Finding;
+use crate::analysis::{Finding, document, paragraphs};
 use crate::plot::{Axis, Lines, Look, Plot, Series};
 use crate::sheet::{Cell, Sheet, round};
 
@@ -409,18 +409,9 @@ impl Table3Report {
 
     /// The study as one Markdown text.
     pub fn markdown(&self) -> String {
-        let mut text = String::from("# table3\n");
-        for paragraph in self.introduction() {
-            text.push_str(&format!("\n{paragraph}\n"));
-        }
         let about = Quality::ALL.map(|quality| format!("{} {}\n\n", quality.measured(), quality.limit()));
-        for (finding, about) in self.findings().iter().zip(std::iter::once(String::new()).chain(about)) {
-            text.push_str(&format!("\n## {}\n\n{about}{}", finding.title, finding.sheet.markdown()));
-            for note in &finding.notes {
-                text.push_str(&format!("\n{note}\n"));
-            }
-        }
-        text
+        let about = std::iter::once(String::new()).chain(about);
+        document("table3", &paragraphs(&self.introduction()), &self.findings(), about)
     }
 }
 

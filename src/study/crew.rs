@@ -20,7 +20,7 @@ const TICK: Duration = Duration::from_millis(100);
 /// Machines that one functional run serves at most: they end together, and whoever stops a study loses together those that are under way.
 const TOGETHER_MAX: usize = 8;
 
-/// The same of machines that are not simulated: each takes next to no time.
+/// Machines that are not simulated, each of which takes next to no time, that one functional run serves at most.
 const COUNTED_TOGETHER_MAX: usize = 256;
 
 /// Where points that are finished are found, and where they are put.
@@ -140,11 +140,12 @@ impl<'a> Crew<'a> {
                 state.ledger.end(index, outcome, false);
                 continue;
             }
-            let group = task.together().and_then(|together| last.get(together));
+            let together = task.together.as_deref();
+            let group = together.and_then(|together| last.get(together));
             match group.map(|group| &mut state.waiting[*group]) {
                 Some(group) if group.len() < together_max(task) => group.push(index),
                 _ => {
-                    task.together().map(|together| last.insert(together, state.waiting.len()));
+                    together.map(|together| last.insert(together, state.waiting.len()));
                     state.waiting.push_back(vec![index]);
                 }
             }

@@ -27,6 +27,7 @@ pub use cluster::{Commands, Shard, SlurmOptions, Stopped, Tally, commands, quote
 pub use file::{Study, builtin_study_names};
 pub use forecast::Forecast;
 pub use output::{StudyOutput, drawings};
+pub use points::SplitMix;
 pub use recipe::Recipe;
 pub use run::{Options, Status, StudyProgress, run_study};
 pub(crate) use work::said;

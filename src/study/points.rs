@@ -136,12 +136,13 @@ fn number(value: f64, whole: bool) -> Value {
     if whole { Value::from(value.round() as i64) } else { Value::from(value) }
 }
 
-/// Steele, Lea and Flood's SplitMix64.
-struct SplitMix(u64);
+/// Numbers by lot, the same ones for the same seed on every host: Steele, Lea and Flood's SplitMix64.
+#[derive(Debug, Clone)]
+pub struct SplitMix(pub u64);
 
 impl SplitMix {
     /// A number in [0, 1).
-    fn unit(&mut self) -> f64 {
+    pub fn unit(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut bits = self.0;
         bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);

@@ -46,8 +46,8 @@ pub(super) struct Task {
     pub work: f64,
     /// Bytes that it takes beside those of its scene.
     machine_memory: u64,
-    /// What points have in common that can be run together; empty for one that runs alone.
-    together: String,
+    /// What points have in common that one functional run serves; `None` of a point that runs alone.
+    pub together: Option<String>,
     fidelity: Fidelity,
     /// Rays of the reference that its picture is judged by.
     reference: Option<u32>,
@@ -156,7 +156,7 @@ impl<'a> Work<'a> {
             .key()
         };
         let key = inputs(&machine_hash(&machine));
-        let together = if fidelity.takes_many() { inputs("any") } else { String::new() };
+        let together = fidelity.takes_many().then(|| inputs("any"));
         let machine_memory = memory::of_machine(&machine);
         let level = match fidelity {
             Fidelity::Functional => 0.1,
@@ -264,11 +264,6 @@ fn failed(bad: BadInput) -> Fault {
 }
 
 impl Task {
-    /// What points have in common that one functional run serves; `None` of a point that runs alone.
-    pub fn together(&self) -> Option<&str> {
-        (!self.together.is_empty()).then_some(self.together.as_str())
-    }
-
     /// Whether a machine is simulated, and not only what it is asked counted.
     pub fn is_simulated(&self) -> bool {
         match self.fidelity {

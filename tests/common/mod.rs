@@ -40,6 +40,19 @@ impl Folder {
     }
 }
 
+/// Demands that the results in `results`, a folder in `folder`, have these files, and that `report` draws all of them again, byte for byte.
+#[track_caller]
+pub fn drawn_again(folder: &Folder, results: &str, files: &[&str]) {
+    let left = names(&folder.path(results));
+    for name in files {
+        assert!(left.iter().any(|file| file == name), "{name}: {left:?}");
+    }
+    let read = |name: &String| std::fs::read(folder.path(results).join(name)).expect("readable");
+    let before = left.iter().map(read).collect::<Vec<_>>();
+    folder.run(&["report", results]).ok();
+    assert_eq!(left.iter().map(read).collect::<Vec<_>>(), before);
+}
+
 /// Names of all files and folders in `folder`, sorted.
 pub fn names(folder: &Path) -> Vec<String> {
     let mut names: Vec<String> = std::fs::read_dir(folder)

@@ -46,6 +46,28 @@ impl Finding {
     }
 }
 
+/// A study as one Markdown text: its introduction, and its findings, each behind what is said `about` it.
+pub(crate) fn document(
+    name: &str,
+    introduction: &str,
+    findings: &[Finding],
+    about: impl Iterator<Item = String>,
+) -> String {
+    let mut text = format!("# {name}\n{introduction}");
+    for (finding, about) in findings.iter().zip(about) {
+        text.push_str(&format!("\n## {}\n\n{about}{}", finding.title, finding.sheet.markdown()));
+        for note in &finding.notes {
+            text.push_str(&format!("\n{note}\n"));
+        }
+    }
+    text
+}
+
+/// Paragraphs of a Markdown text.
+pub(crate) fn paragraphs(paragraphs: &[String]) -> String {
+    paragraphs.iter().map(|paragraph| format!("\n{paragraph}\n")).collect()
+}
+
 /// Runs the analyses that a study asks for, the table first.
 pub fn findings(digest: &Digest) -> Vec<Finding> {
     let data = Data::of(digest);
@@ -75,17 +97,8 @@ pub fn findings(digest: &Digest) -> Vec<Finding> {
 
 /// All findings as one Markdown text.
 pub fn markdown(study: &StudyFile, findings: &[Finding]) -> String {
-    let mut text = format!("# {}\n", study.name);
-    if !study.question.is_empty() {
-        text.push_str(&format!("\n{}\n", study.question));
-    }
-    for finding in findings {
-        text.push_str(&format!("\n## {}\n\n{}", finding.title, finding.sheet.markdown()));
-        for note in &finding.notes {
-            text.push_str(&format!("\n{note}\n"));
-        }
-    }
-    text
+    let question = if study.question.is_empty() { &[][..] } else { std::slice::from_ref(&study.question) };
+    document(&study.name, &paragraphs(question), findings, std::iter::repeat(String::new()))
 }
 
 /// The points of a study that have a report, ready to be asked for numbers.

@@ -103,7 +103,6 @@ pub fn of_study(digest: &Digest) -> String {
 
 /// The page of a study of stability.
 pub fn of_stability(report: &StabilityReport) -> String {
-    let findings: Vec<Value> = report.findings().iter().map(finding).collect();
     let about: Vec<Value> = report
         .families
         .iter()
@@ -112,50 +111,33 @@ pub fn of_stability(report: &StabilityReport) -> String {
             serde_json::json!({"varied": family.varied, "meaning": family.meaning, "verdicts": verdicts})
         })
         .collect();
-    let data = serde_json::json!({
-        "kind": "stability",
-        "title": "How stable the pictures are",
-        "introduction": report.introduction(),
-        "report": report,
-        "findings": findings,
-        "about": about,
-        "columns": COLUMNS,
-    });
-    page("How stable the pictures are", &data)
+    let more = serde_json::json!({"kind": "stability", "report": report, "about": about, "columns": COLUMNS});
+    of_made("How stable the pictures are", &report.introduction(), &report.findings(), more)
 }
 
 /// The page of the study of Table 3.
 pub fn of_table3(report: &Table3Report) -> String {
-    let findings: Vec<Value> = report.findings().iter().map(finding).collect();
     let qualities = Quality::ALL.map(|quality| {
         let holds = |figure: f64| quality.holds(figure);
         let ticks: Vec<Vec<bool>> =
             report.all().map(|row| row.of(quality).map(|case| holds(case.figure)).collect()).collect();
         serde_json::json!({"id": quality, "about": [quality.measured(), quality.limit()], "ticks": ticks})
     });
-    let title = "Visual qualities, by measurement";
-    let data = serde_json::json!({
-        "kind": "table3",
-        "title": title,
-        "introduction": report.introduction(),
-        "report": report,
-        "findings": findings,
-        "qualities": qualities,
-    });
-    page(title, &data)
+    let more = serde_json::json!({"kind": "table3", "report": report, "qualities": qualities});
+    of_made("Visual qualities, by measurement", &report.introduction(), &report.findings(), more)
 }
 
 /// The page of the study of fidelity.
 pub fn of_fidelity(report: &FidelityReport) -> String {
-    let findings: Vec<Value> = report.findings().iter().map(finding).collect();
-    let title = "What fidelity costs";
-    let data = serde_json::json!({
-        "kind": "fidelity",
-        "title": title,
-        "introduction": report.introduction(),
-        "report": report,
-        "findings": findings,
-    });
+    let more = serde_json::json!({"kind": "fidelity", "report": report});
+    of_made("What fidelity costs", &report.introduction(), &report.findings(), more)
+}
+
+/// The page of a study that is no product of axes; `data` is what its kind has beside what all have.
+fn of_made(title: &str, introduction: &[String], findings: &[Finding], mut data: Value) -> String {
+    data["title"] = title.into();
+    data["introduction"] = introduction.into();
+    data["findings"] = findings.iter().map(finding).collect();
     page(title, &data)
 }
 

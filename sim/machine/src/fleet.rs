@@ -43,19 +43,19 @@ pub trait Steps {
     fn run(&mut self, tasks: &dyn TaskSource) -> bool;
 }
 
-/// Machines at a level that costs no thread each: of a step they make times of their own.
+/// Machines at a level that costs no thread each: `run` gives what a step cost on each.
 struct Counted<'s, R> {
-    costs: &'s mut Vec<Vec<StepCost>>,
+    costs: &'s mut [Vec<StepCost>],
     run: R,
 }
 
-impl<R: FnMut(&dyn TaskSource, &mut Vec<Vec<StepCost>>)> Steps for Counted<'_, R> {
+impl<R: FnMut(&dyn TaskSource) -> Vec<StepCost>> Steps for Counted<'_, R> {
     fn frame(&mut self) {
         self.costs.iter_mut().for_each(Vec::clear);
     }
 
     fn run(&mut self, tasks: &dyn TaskSource) -> bool {
-        (self.run)(tasks, self.costs);
+        self.costs.iter_mut().zip((self.run)(tasks)).for_each(|(costs, cost)| costs.push(cost));
         true
     }
 }
@@ -102,10 +102,9 @@ impl Fidelity {
             Fidelity::Functional => {
                 let _seat = seats.take();
                 let mut untimed = Untimed::new(1);
-                let run = |tasks: &dyn TaskSource, costs: &mut Vec<Vec<StepCost>>| {
+                let run = |tasks: &dyn TaskSource| {
                     let report = untimed.run_step(tasks).expect("what has no time moves");
-                    let cost = StepCost { report, activity: Vec::new() };
-                    costs.iter_mut().for_each(|of| of.push(cost.clone()));
+                    vec![StepCost { report, activity: Vec::new() }; specs.len()]
                 };
                 program(&mut Counted { costs: &mut costs, run })
             }
@@ -113,12 +112,13 @@ impl Fidelity {
                 let _seat = seats.take();
                 let mut machines: Vec<Machine> = specs.iter().map(Machine::new).collect();
                 let mut survey = Survey::new(1);
-                let run = |tasks: &dyn TaskSource, costs: &mut Vec<Vec<StepCost>>| {
+                let run = |tasks: &dyn TaskSource| {
                     let found = survey.step(tasks);
-                    for (machine, of) in machines.iter_mut().zip(costs) {
+                    let cost = |machine: &mut Machine| {
                         let report = machine.report(&found);
-                        of.push(StepCost { report, activity: machine.activity().to_vec() });
-                    }
+                        StepCost { report, activity: machine.activity().to_vec() }
+                    };
+                    machines.iter_mut().map(cost).collect()
                 };
                 program(&mut Counted { costs: &mut costs, run })
             }
@@ -190,14 +190,13 @@ impl Drop for Ended<'_, '_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::{MachineConfig, builtin_machine};
+    use crate::config::shipped;
     use crate::streams::{Mix, Tasks};
 
     #[test]
     fn every_machine_of_several_gives_what_it_gives_alone() {
         let spec = |cores: u32| {
-            let text = builtin_machine("larrabee-24").expect("shipped");
-            let mut config: MachineConfig = serde_json::from_str(text).expect("parses");
+            let mut config = shipped("larrabee-24");
             config.cores = cores;
             config.validate().expect("sound")
         };

@@ -2,13 +2,13 @@
 
 use super::*;
 use crate::cache::{AccessRules, Intent};
-use crate::config::{MachineConfig, builtin_machine};
+use crate::config::{MachineConfig, shipped};
 use crate::ring::Message;
 use crate::streams::{Builder, Mix, Random, Tasks, same};
 use lrbsim_isa::uop::Class;
 
 pub(super) fn config(name: &str) -> MachineConfig {
-    serde_json::from_str(builtin_machine(name).expect("shipped")).expect("parses")
+    shipped(name)
 }
 
 /// Two steps of a mix on a fresh chip: the sum of their reports.

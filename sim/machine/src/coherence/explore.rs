@@ -7,7 +7,7 @@
 use super::bench::{self, Order, Wish};
 use super::{Fault, State};
 use crate::cache::{Intent, Tags};
-use crate::config::{MachineConfig, builtin_machine};
+use crate::config::{MachineConfig, shipped};
 use crate::streams::Random;
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -73,8 +73,7 @@ struct Setting {
 impl Bench {
     fn new(setting: Setting) -> Bench {
         let Setting { order, fault, posted } = setting;
-        let mut config: MachineConfig =
-            serde_json::from_str(builtin_machine("larrabee-24").expect("shipped")).expect("parses");
+        let mut config = shipped("larrabee-24");
         config.cores = CORES as u32;
         (config.l1d.capacity_bytes, config.l1d.ways) = (64, 1);
         (config.l2.capacity_bytes, config.l2.ways) = (128, 2);
@@ -265,8 +264,7 @@ fn machines() -> Vec<MachineConfig> {
     for (name, cores, l1_ways, l2_ways) in
         [("larrabee-24", 5, 2, 4), ("knc-5110p", 9, 2, 4), ("knc-5110p", 70, 1, 2), ("larrabee-24", 33, 4, 8)]
     {
-        let mut config: MachineConfig =
-            serde_json::from_str(builtin_machine(name).expect("shipped")).expect("parses");
+        let mut config = shipped(name);
         config.cores = cores;
         (config.l1d.capacity_bytes, config.l1d.ways) = (u64::from(l1_ways) * 256, l1_ways);
         (config.l2.capacity_bytes, config.l2.ways) = (u64::from(l2_ways) * 512, l2_ways);

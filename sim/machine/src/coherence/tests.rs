@@ -1,7 +1,7 @@
 use super::bench::{Bench, Order, Wish};
 use super::*;
 use crate::cache::{Intent, Tags};
-use crate::config::{MachineConfig, MachineSpec, builtin_machine};
+use crate::config::{MachineConfig, MachineSpec, shipped};
 use crate::core::Core;
 use crate::streams::Random;
 use std::collections::BTreeSet;
@@ -123,8 +123,7 @@ pub(super) fn check(bench: &mut Bench, lines: u32) {
 }
 
 fn spec(edit: impl Fn(&mut MachineConfig)) -> MachineSpec {
-    let mut config: MachineConfig =
-        serde_json::from_str(builtin_machine("larrabee-24").expect("shipped")).expect("parses");
+    let mut config = shipped("larrabee-24");
     edit(&mut config);
     config.validate().expect("sound")
 }

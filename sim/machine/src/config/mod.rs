@@ -7,6 +7,7 @@ mod validate;
 #[cfg(test)]
 mod tests;
 
+pub(crate) use builtin::shipped;
 pub use builtin::{builtin_machine, builtin_machine_names};
 pub use spec::{
     CacheSpec, CoreSpec, MachineSpec, MemorySpec, PrefetcherSpec, RingSpec, TlbLevelSpec, TlbSpec,

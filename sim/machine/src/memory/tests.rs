@@ -1,12 +1,11 @@
 use super::*;
-use crate::config::{MachineConfig, builtin_machine};
+use crate::config::shipped;
 use crate::laws::{self, Ahead, Fault, LOAD_CYCLES, Model, Resource, Verdict};
 use crate::streams::Random;
 use std::collections::{BTreeMap, BTreeSet};
 
 fn spec() -> MemorySpec {
-    let config: MachineConfig =
-        serde_json::from_str(builtin_machine("larrabee-24").expect("shipped")).expect("parses");
+    let config = shipped("larrabee-24");
     config.validate().expect("sound").memory
 }
 

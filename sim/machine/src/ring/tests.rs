@@ -1,13 +1,12 @@
 use super::*;
-use crate::config::{MachineConfig, builtin_machine};
+use crate::config::{MachineConfig, shipped};
 use crate::laws::{self, Fault, LOAD_CYCLES, Model, Resource};
 use crate::streams::Random;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Rings as `cycle` has them, and as `windowed` does.
 fn both(cores: u32, edit: impl FnOnce(&mut MachineConfig)) -> [Rings; 2] {
-    let mut config: MachineConfig =
-        serde_json::from_str(builtin_machine("larrabee-24").expect("shipped")).expect("parses");
+    let mut config = shipped("larrabee-24");
     config.cores = cores;
     edit(&mut config);
     let spec = config.validate().expect("sound");

@@ -51,7 +51,9 @@ fn chunks(tasks: f64, threads: f64, most: u32) -> f64 {
         let to = if length == most { f64::INFINITY } else { to };
         (tasks.min(to) - from).max(0.0) / f64::from(length)
     };
-    tasks.min(round) + (1..=most).map(of_length).sum::<f64>()
+    // No chunk is longer than tasks for it.
+    let longest = most.min((tasks / round) as u32);
+    tasks.min(round) + (1..=longest).map(of_length).sum::<f64>()
 }
 
 /// Limits that are close add up in part: between the greatest and the sum, nearer to the greatest.

@@ -18,7 +18,7 @@ mod tests;
 
 use crate::Cycle;
 use crate::chip::{CoreActivity, Stuck};
-use crate::config::{MachineConfig, MachineSpec, builtin_machine, builtin_machine_names};
+use crate::config::{MachineSpec, builtin_machine_names, shipped};
 use crate::counters::{Cause, CycleStack, StepReport};
 use crate::sampled::choose::{Chosen, Part, hash};
 use crate::sampled::share_out;
@@ -55,7 +55,6 @@ pub(crate) struct Roofline {
 /// A machine whose steps take what limits them most.
 pub(crate) struct Machine {
     costs: Costs,
-    cores: u32,
     activity: Vec<CoreActivity>,
 }
 
@@ -78,7 +77,7 @@ struct Lengths {
 }
 
 impl Lengths {
-    /// Of tasks of so many uops.
+    /// How unlike tasks of so many uops are.
     fn of(uops: &[u64]) -> Lengths {
         let sum = uops.iter().sum::<u64>().max(1) as f64;
         let part = |uops: &u64| *uops as f64 / sum;
@@ -101,9 +100,7 @@ impl Survey {
     /// One that has run nothing; at most `host_threads` host threads run tasks. How many these are changes no result.
     pub(crate) fn new(host_threads: usize) -> Survey {
         // The machine whose latencies say in which order results come; the estimate has those of the machine that is asked for.
-        let text = builtin_machine(builtin_machine_names()[0]).expect("shipped");
-        let nominal: MachineConfig = serde_json::from_str(text).expect("shipped machines are sound");
-        let nominal = nominal.validate().expect("shipped machines are sound");
+        let nominal = shipped(builtin_machine_names()[0]).validate().expect("shipped machines are sound");
         Survey { reader: Reader::new(&nominal), host_threads, steps: 0, streams: Vec::new() }
     }
 
@@ -119,22 +116,21 @@ impl Survey {
         let mut counts = StepReport { steps: 1, ..StepReport::default() };
         let parts = parts(picked.iter().map(|number| tasks_of(*number)));
         let chosen = Chosen::new(tasks, &parts);
-        let mut read = 0;
-        for (position, number) in picked.iter().enumerate() {
-            let uops: u64 = counts.class_counts.iter().sum();
-            if !tasks.is_ordered() && uops > UOPS_MAX && position as u32 >= GROUPS_LEAST {
+        let (mut read, mut position, mut uops) = (0, 0, 0);
+        for number in &picked {
+            if !tasks.is_ordered() && uops > UOPS_MAX && read >= GROUPS_LEAST {
                 break;
             }
-            let length = tasks_of(*number).len();
-            let first: usize = picked[..position].iter().map(|number| tasks_of(*number).len()).sum();
-            self.streams.resize_with(length, Stream::default);
-            for (offset, stream) in self.streams.iter_mut().enumerate() {
+            self.streams.resize_with(tasks_of(*number).len(), Stream::default);
+            for stream in &mut self.streams {
                 stream.clear();
-                chosen.record((first + offset) as u32, stream);
+                chosen.record(position, stream);
                 counts.count_task(stream);
+                position += 1;
+                uops += stream.uops.len() as u64;
             }
             self.reader.read(&self.streams);
-            read = position + 1;
+            read += 1;
         }
         let mut lengths: Vec<u64> = chosen.uops().collect();
         let (_, skipped) = chosen.into_counts(&parts);
@@ -142,7 +138,7 @@ impl Survey {
         // The others are run and counted; those of ordered steps were on the way.
         let mut others: OpCounts = skipped.counts;
         lengths.extend(skipped.uops.iter().map(|(_, uops)| uops));
-        picked.truncate(read);
+        picked.truncate(read as usize);
         if !tasks.is_ordered() {
             picked.sort_unstable();
             let is_left = |number: &u32| picked.binary_search(number).is_err();
@@ -187,12 +183,12 @@ impl Survey {
     }
 }
 
-/// Each range of tasks as one part.
+/// One part for each range of tasks.
 fn parts(ranges: impl Iterator<Item = Range<u32>>) -> Vec<Part> {
     ranges.enumerate().map(|(chunk, tasks)| Part { chunk, tasks, group: 0 }).collect()
 }
 
-/// Each task as a part of its own.
+/// One part for each task.
 fn parts_of(tasks: impl Iterator<Item = u32>) -> Vec<Part> {
     parts(tasks.map(|task| task..task + 1))
 }
@@ -207,7 +203,7 @@ impl Roofline {
 impl Machine {
     pub(crate) fn new(spec: &MachineSpec) -> Machine {
         let activity = vec![CoreActivity::default(); spec.cores as usize];
-        Machine { costs: Costs::new(spec), cores: spec.cores, activity }
+        Machine { costs: Costs::new(spec), activity }
     }
 
     /// What each core did in the last step, by core.
@@ -223,9 +219,10 @@ impl Machine {
         let cycles = estimate.cycles.round() as Cycle;
         let barrier = estimate.bounds.barrier.min(cycles);
         let mut report = StepReport { cycles, bounds: estimate.bounds, ..counts.clone() };
-        let active = self.cores.min(tasks);
+        let cores = self.activity.len();
+        let active = cores.min(tasks as usize);
         report.cycle_stack =
-            stack(&estimate, [self.cores, active].map(u64::from), cycles, barrier, counts.issued);
+            stack(&estimate, [cores, active].map(|cores| cores as u64), cycles, barrier, counts.issued);
         report.paired = counts.issued - report.cycle_stack.issue;
         let whole = |count: f64| count.round() as u64;
         report.l1d.misses = whole(estimate.l1_misses);
@@ -235,13 +232,12 @@ impl Machine {
         for cache in [&mut report.l1d, &mut report.l2] {
             cache.accesses = cache.hits + cache.misses;
         }
-        report.directory.transactions = report.l2.misses;
         (report.memory.reads, report.memory.writes) = (whole(estimate.reads), whole(estimate.writes));
         report.memory.bytes = lrbsim_isa::arena::LINE_BYTES * (report.memory.reads + report.memory.writes);
         report.atomics.operations = whole(profile.locked);
         report.atomics.barriers = 1;
         self.activity.fill(CoreActivity::default());
-        self.activity[..active as usize].fill(CoreActivity { issued: 1, busy_cycles: 1, arrival_cycles: 0 });
+        self.activity[..active].fill(CoreActivity { issued: 1, busy_cycles: 1, arrival_cycles: 0 });
         share_out(&mut self.activity, &report, cycles - barrier);
         report
     }

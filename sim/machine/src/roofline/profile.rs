@@ -27,9 +27,9 @@ pub(super) struct Profile {
     pub(super) waits: Box<[[f64; DISTANCES]; Class::COUNT]>,
     /// Lines that are handed to the L1.
     pub(super) lines: f64,
-    /// Of these the second lines of loads and stores, each of which takes a cycle of its own.
+    /// Second lines of loads and stores, each of which takes a cycle of its own.
     pub(super) second_lines: f64,
-    /// Of these the lines of gathers and scatters.
+    /// Lines of gathers and scatters.
     pub(super) gather_lines: f64,
     /// Uops that touch memory, by the distance of the farthest of their lines within the group; `NEVER` for those with a line of the arena
     /// that is new to the group.
@@ -44,7 +44,7 @@ pub(super) struct Profile {
     pub(super) far: [f64; BINS],
     /// Distinct lines of the step that it writes.
     pub(super) written: f64,
-    /// Lines, new to their group, that streaming stores write and nobody reads before.
+    /// Lines, new to their group, that streaming stores write first.
     pub(super) streamed: f64,
     /// Locked operations on lines.
     pub(super) locked: f64,

@@ -1,11 +1,11 @@
 use super::*;
 use crate::chip::Chip;
+use crate::config::MachineConfig;
 use crate::fidelity::Fidelity;
 use crate::streams::{Builder, Mix, Tasks, same};
 
 fn spec(change: impl Fn(&mut MachineConfig)) -> MachineSpec {
-    let text = builtin_machine("larrabee-24").expect("shipped");
-    let mut config: MachineConfig = serde_json::from_str(text).expect("parses");
+    let mut config = shipped("larrabee-24");
     change(&mut config);
     config.validate().expect("sound")
 }

@@ -1,6 +1,6 @@
 use super::choose::Chunks;
 use super::*;
-use crate::config::{MachineConfig, builtin_machine};
+use crate::config::shipped;
 use crate::observer::Observer;
 use crate::streams::{Mix, Random, Tasks};
 use lrbsim_isa::stream::Stream;
@@ -9,8 +9,7 @@ use std::sync::Mutex;
 
 /// Few cores, so that few tasks are many for each thread.
 fn spec() -> MachineSpec {
-    let text = builtin_machine("larrabee-24").expect("shipped");
-    let mut config: MachineConfig = serde_json::from_str(text).expect("parses");
+    let mut config = shipped("larrabee-24");
     config.cores = 4;
     config.validate().expect("sound")
 }

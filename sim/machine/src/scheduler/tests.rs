@@ -1,10 +1,9 @@
 use super::*;
-use crate::config::{MachineConfig, builtin_machine};
+use crate::config::shipped;
 
 #[test]
 fn chunks_cover_all_tasks_once_and_shrink_to_one() {
-    let config: MachineConfig =
-        serde_json::from_str(builtin_machine("larrabee-24").expect("shipped")).expect("parses");
+    let config = shipped("larrabee-24");
     let mut spec = config.validate().expect("sound");
     spec.chunk_tasks_max = 4;
     let mut counter = TaskCounter::new(chunk_lengths(1000, 96, &spec));
