@@ -45,7 +45,15 @@ impl Held {
         let [least, most] = interval.unwrap_or([ms; 2]);
         let error = ms / exact - 1.0;
         self.count += 1;
-        self.held += u32::from((least..=most).contains(&exact));
+        let holds = (least..=most).contains(&exact);
+        self.held += u32::from(holds);
+        if !holds && interval.is_some() {
+            println!(
+                "{name}: {:+.2} %, of an interval of ± {:.2} %",
+                100.0 * (ms / exact - 1.0),
+                50.0 * (most - least) / exact
+            );
+        }
         self.squares += error * error;
         if error.abs() > self.worst.0.abs() {
             self.worst = (error, name.to_owned());

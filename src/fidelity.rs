@@ -11,7 +11,8 @@ use lrbsim_isa::Step;
 use lrbsim_machine::{Fidelity, Sampling};
 use lrbsim_micro::{Arrays, Bench, Extent, Prefetch, Store, Stream, Threads};
 use lrbsim_reports::fidelity::{
-    FIDELITY_SCHEMA_VERSION, FidelityLevel, FidelityReport, FidelitySubject, SHARE_MIN,
+    FIDELITY_SCHEMA_VERSION, FidelityLevel, FidelityReport, FidelitySeconds, FidelitySubject,
+    PRICES_SCHEMA_VERSION, PriceList, SHARE_MIN,
 };
 use lrbsim_reports::page;
 use lrbsim_reports::run::RunReport;
@@ -21,6 +22,7 @@ use crate::error::BadInput;
 use crate::frame::{HostOptions, RunRequest, SEMANTICS, run_frame};
 use crate::host::Stopwatch;
 use crate::inputs::{self, Machine};
+use crate::json;
 use crate::made;
 use crate::progress::{Progress, Quiet};
 
@@ -29,6 +31,9 @@ pub const NAME: &str = "fidelity";
 
 /// Name of the file of its results.
 pub const FILE: &str = "fidelity.json";
+
+/// Name of the file of what it took of the host.
+pub const PRICES_FILE: &str = "prices.json";
 
 /// The machine that is simulated.
 const MACHINE: &str = "larrabee-24";
@@ -96,7 +101,7 @@ fn subjects(quick: bool) -> Vec<Subject> {
         prefetch: Prefetch::No,
         arrays: Arrays::Split { bytes: 0 },
         threads: Threads::Spread(96),
-        extent: Extent::Laps { lines: 64, laps: if quick { 64 } else { 128 } },
+        extent: Extent::Laps { lines: 48, laps: if quick { 64 } else { 128 } },
         ..triad
     };
     let scenes = if quick { &QUICK[..] } else { &SCENES[..] };
@@ -109,7 +114,7 @@ fn subjects(quick: bool) -> Vec<Subject> {
     ));
     subjects.push(Subject::Micro(
         "laps",
-        "Two arrays read and one of them written, in the L1, by four threads a core",
+        "Two arrays read and one of them written, in three quarters of the L1, by four threads a core",
         Bench::Stream(laps),
     ));
     subjects
@@ -190,7 +195,6 @@ impl Ran {
         let worst = phases.reduce(|worst, next| if next.0.abs() > worst.0.abs() { next } else { worst });
         FidelityLevel {
             level: level.to_string(),
-            seconds: self.seconds,
             error: self.cycles().zip(exact.cycles()).map(|(found, exact)| off(found, exact)),
             phase_error: worst.as_ref().map(|(error, _)| *error),
             phase: worst.map(|(_, id)| id),
@@ -202,7 +206,7 @@ impl Ran {
 ///
 /// # Errors
 /// If there is no subject of the name that was asked for, or if the host has no memory for one.
-pub fn run_fidelity(request: &FidelityRequest, progress: &dyn Progress) -> Result<FidelityReport, BadInput> {
+pub fn run_fidelity(request: &FidelityRequest, progress: &dyn Progress) -> Result<PriceList, BadInput> {
     let only = request.only.as_deref().unwrap_or_default();
     let all = subjects(request.quick);
     let names: Vec<&str> = all.iter().map(Subject::name).collect();
@@ -216,7 +220,7 @@ pub fn run_fidelity(request: &FidelityRequest, progress: &dyn Progress) -> Resul
     let machine = Machine::load(MACHINE, &[])?;
     let levels = levels();
     progress.counted(NAME, (wanted.len() * levels.len()) as u32);
-    let mut subjects = Vec::new();
+    let (mut subjects, mut seconds) = (Vec::new(), Vec::new());
     for subject in wanted {
         let mut ran = Vec::new();
         for level in &levels {
@@ -224,6 +228,7 @@ pub fn run_fidelity(request: &FidelityRequest, progress: &dyn Progress) -> Resul
             progress.one_done();
         }
         let exact = &ran[ran.len() - 1];
+        seconds.push(ran.iter().map(|ran| ran.seconds).collect());
         subjects.push(FidelitySubject {
             name: subject.name().to_owned(),
             about: subject.about(),
@@ -231,23 +236,43 @@ pub fn run_fidelity(request: &FidelityRequest, progress: &dyn Progress) -> Resul
             levels: ran.iter().zip(&levels).map(|(ran, level)| ran.beside(*level, exact)).collect(),
         });
     }
-    Ok(FidelityReport {
+    let errors = FidelityReport {
         schema_version: FIDELITY_SCHEMA_VERSION,
         lrbsim_version: env!("CARGO_PKG_VERSION").to_owned(),
         semantics: SEMANTICS,
         machine: MACHINE.to_owned(),
-        host_threads: u32::try_from(request.host.threads).unwrap_or(u32::MAX),
         reference: Fidelity::Cycle.to_string(),
         subjects,
+    };
+    let host = FidelitySeconds {
+        schema_version: PRICES_SCHEMA_VERSION,
+        host_threads: u32::try_from(request.host.threads).unwrap_or(u32::MAX),
+        seconds,
+    };
+    Ok(PriceList { errors, host })
+}
+
+/// The price list whose errors were written to `folder`, with the seconds that lie beside them.
+///
+/// # Errors
+/// If there are no seconds, or not those of these errors.
+pub fn beside(folder: &Path, errors: FidelityReport) -> Result<PriceList, BadInput> {
+    let path = folder.join(PRICES_FILE);
+    let host = json::read(&path.display().to_string(), &json::text(&path)?)?;
+    PriceList::new(errors, host).ok_or_else(|| {
+        BadInput::new(format!("`{}` is of another study than the `{FILE}` beside it", path.display()))
+            .with_help(format!("`lrbsim study {NAME}` makes both"))
     })
 }
 
-/// The files of the study other than its results, all drawn from them: names and bytes.
-pub fn drawings(report: &FidelityReport) -> Vec<(String, Vec<u8>)> {
-    made::drawings(report.markdown(), &report.findings(), page::of_fidelity(report))
+/// The files of the study that are drawn from its results: names and bytes. All of them show seconds, which no two hosts have in common.
+pub fn drawings(list: &PriceList) -> Vec<(String, Vec<u8>)> {
+    made::drawings("prices.md", list.markdown(), &list.findings(), page::of_fidelity(list))
 }
 
 /// Writes the results of the study to `dir`, its JSON last, in place of the results there, and tells their paths.
-pub fn write(dir: &Path, report: &FidelityReport) -> Result<Vec<PathBuf>, BadInput> {
-    made::write(dir, &drawings(report), FILE, &report.to_json())
+pub fn write(dir: &Path, list: &PriceList) -> Result<Vec<PathBuf>, BadInput> {
+    let mut files = drawings(list);
+    files.push((PRICES_FILE.to_owned(), list.host.to_json().into_bytes()));
+    made::write(dir, &files, FILE, &list.errors.to_json())
 }

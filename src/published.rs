@@ -19,8 +19,11 @@ use crate::json;
 pub const MANIFEST: &str = "manifest.json";
 
 /// Files that are published of what a command leaves: those that are the same on every host.
-const PUBLISHED: [&str; 6] =
-    ["report.json", "image.png", "frames.json", "study.json", "table.md", "table.csv"];
+const PUBLISHED: [&str; 7] =
+    ["report.json", "image.png", "frames.json", "study.json", "table.md", "table.csv", "fidelity.json"];
+
+/// Files that are published beside them although they say what a host took: another host leaves others.
+const MEASURED: [&str; 2] = ["prices.json", "prices.md"];
 
 /// What was published and how it was made: `manifest.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -38,7 +41,13 @@ pub struct Manifest {
     pub inputs: BTreeMap<String, String>,
     /// SHA-256 of the files that it leaves.
     pub outputs: BTreeMap<String, String>,
+    /// SHA-256 of files that say what the host took that made them. They are not made again: another host leaves others.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub measured: BTreeMap<String, String>,
 }
+
+/// Files by name.
+type Files = BTreeMap<String, Vec<u8>>;
 
 /// What became of a published result.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -83,14 +92,14 @@ pub fn verify(folder: &Path) -> Result<Verdict, BadInput> {
             faults.push(format!("the input {name} is not the one that was published from"));
         }
     }
-    for (name, hash) in &manifest.outputs {
+    for (name, hash) in manifest.outputs.iter().chain(&manifest.measured) {
         let path = folder.join(name);
         let bytes = std::fs::read(&path).map_err(|error| BadInput::unreadable(&path, &error))?;
         if sha256(&bytes) != *hash {
             faults.push(format!("{name} is not the file that the manifest names"));
         }
     }
-    let made = again(folder, &manifest.command)?;
+    let [made, _] = again(folder, &manifest.command)?;
     let mut same = 0;
     for name in manifest.outputs.keys() {
         let before = std::fs::read(folder.join(name)).unwrap_or_default();
@@ -112,10 +121,10 @@ pub fn verify(folder: &Path) -> Result<Verdict, BadInput> {
 /// Runs `command`, or that of the manifest there, and publishes what comes out in `folder`.
 pub fn publish(folder: &Path, command: &[String]) -> Result<Verdict, BadInput> {
     let command = if command.is_empty() { read(folder)?.command } else { command.to_vec() };
-    let made = again(folder, &command)?;
+    let [made, measured] = again(folder, &command)?;
     std::fs::create_dir_all(folder)
         .map_err(|error| BadInput::new(format!("cannot create `{}`: {error}", folder.display())))?;
-    for (name, bytes) in &made {
+    for (name, bytes) in made.iter().chain(&measured) {
         write_atomically(&folder.join(name), bytes)?;
     }
     // Files that stand beside the manifest are what the command reads.
@@ -126,7 +135,8 @@ pub fn publish(folder: &Path, command: &[String]) -> Result<Verdict, BadInput> {
         lrbsim_version: env!("CARGO_PKG_VERSION").to_owned(),
         semantics: SEMANTICS,
         inputs: command.iter().filter(is_input).filter_map(hashed).collect(),
-        outputs: made.iter().map(|(name, bytes)| (name.clone(), sha256(bytes))).collect(),
+        outputs: hashes(&made),
+        measured: hashes(&measured),
         command,
     };
     let mut text = serde_json::to_string_pretty(&manifest).expect("a manifest has string keys");
@@ -135,14 +145,18 @@ pub fn publish(folder: &Path, command: &[String]) -> Result<Verdict, BadInput> {
     Ok(Verdict { same: made.len(), faults: Vec::new() })
 }
 
+fn hashes(files: &Files) -> BTreeMap<String, String> {
+    files.iter().map(|(name, bytes)| (name.clone(), sha256(bytes))).collect()
+}
+
 fn read(folder: &Path) -> Result<Manifest, BadInput> {
     let path = folder.join(MANIFEST);
     let text = json::text(&path)?;
     json::read(&path.display().to_string(), &text)
 }
 
-/// What a command leaves that is published. It runs beside the manifest, with results and cache of its own.
-fn again(folder: &Path, command: &[String]) -> Result<BTreeMap<String, Vec<u8>>, BadInput> {
+/// What a command leaves that is published: files that are the same on every host, and those that are not. It runs beside the manifest, with results and cache of its own.
+fn again(folder: &Path, command: &[String]) -> Result<[Files; 2], BadInput> {
     let name = command.first().map(String::as_str);
     if !matches!(name, Some("run" | "study")) {
         let found = command.join(" ");
@@ -168,13 +182,12 @@ fn again(folder: &Path, command: &[String]) -> Result<BTreeMap<String, Vec<u8>>,
     if !status.success() {
         return Err(BadInput::new(format!("`lrbsim {}` failed:\n{}", command.join(" "), said.trim())));
     }
-    let mut made = BTreeMap::new();
-    for name in PUBLISHED {
-        if let Ok(bytes) = std::fs::read(place.0.join("results").join(name)) {
-            made.insert(name.to_owned(), bytes);
-        }
-    }
-    Ok(made)
+    let left = |names: &[&str]| {
+        let file =
+            |name: &&str| Some(((*name).to_owned(), std::fs::read(place.0.join("results").join(name)).ok()?));
+        names.iter().filter_map(file).collect()
+    };
+    Ok([left(&PUBLISHED), left(&MEASURED)])
 }
 
 /// What must not outlive this process: a temporary folder, and the command that writes to it.

@@ -140,6 +140,19 @@ fn a_published_result_is_verified_and_a_change_is_found() {
     assert!(done.stdout().contains("not the file that the manifest names"), "{}", done.stdout());
     assert!(done.stdout().contains("`machine.cores` was 4 and is 3"), "{}", done.stdout());
 
+    // What a host took is published too, and is not the same the next time.
+    let command = ["verify", "p/host", "--write", "--", "study", "fidelity", "--quick", "--only", "triad"];
+    folder.run(&command).ok();
+    assert!(folder.run(&["verify", "p/host"]).ok().stdout().contains("the same, 1 files"));
+    folder.write("p/host/prices.json", "{}");
+    let done = folder.run(&["verify", "p/host"]);
+    assert_eq!(done.code(), Some(1));
+    assert!(
+        done.stdout().contains("prices.json is not the file that the manifest names"),
+        "{}",
+        done.stdout()
+    );
+
     folder.run(&["verify", "nowhere"]).refused(&["cannot read `nowhere`", "lrbsim verify DIR"]);
     let outside = Folder::new();
     outside

@@ -12,8 +12,16 @@ fn the_study_leaves_a_price_list_and_a_page_that_can_be_drawn_again() {
     for part in ["The price list", "`windowed` is the default", "3 subjects, 0 failed"] {
         assert!(printed.contains(part), "`{part}` is not in {printed}");
     }
-    let files =
-        ["prices.csv", "prices.svg", "tiny.csv", "triad.csv", "table.md", "report.html", "fidelity.json"];
+    let files = [
+        "prices.csv",
+        "prices.svg",
+        "tiny.csv",
+        "triad.csv",
+        "prices.md",
+        "report.html",
+        "prices.json",
+        "fidelity.json",
+    ];
     common::drawn_again(&folder, "out", &files);
     folder.run(&["compare", "out", "out"]).refused(&["no times to compare"]);
 

@@ -155,6 +155,8 @@ fn every_shipped_file_keeps_its_schema() {
             Some("report.json") => holds(&schema(&folder, "report"), &path),
             Some("study.json") => holds(&schema(&folder, "study-report"), &path),
             Some("frames.json") => holds(&schema(&folder, "frames"), &path),
+            Some("fidelity.json") => holds(&schema(&folder, "fidelity"), &path),
+            Some("prices.json") => holds(&schema(&folder, "prices"), &path),
             _ => {}
         }
     }
@@ -176,6 +178,7 @@ fn every_written_file_keeps_its_schema() {
     folder.run(&["study", "fidelity", "--quick", "--only", "tiny", "-o", "fidelity"]).ok();
     for (format, file) in [
         ("fidelity", "fidelity/fidelity.json"),
+        ("prices", "fidelity/prices.json"),
         ("report", "timed/report.json"),
         ("report", "untimed/report.json"),
         ("host", "timed/host.json"),

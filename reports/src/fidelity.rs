@@ -8,12 +8,15 @@ use crate::plot::{Axis, Lines, Look, Plot, Series};
 use crate::sheet::{Cell, Sheet, short};
 
 /// Version of the layout of [`FidelityReport`].
-pub const FIDELITY_SCHEMA_VERSION: u32 = 1;
+pub const FIDELITY_SCHEMA_VERSION: u32 = 2;
+
+/// Version of the layout of [`FidelitySeconds`].
+pub const PRICES_SCHEMA_VERSION: u32 = 1;
 
 /// A phase counts from this share of the frame's time at the reference level on.
 pub const SHARE_MIN: f64 = 0.1;
 
-/// Everything that came out of the study: `fidelity.json`. Seconds are those of the host that ran it; all else is the same on every host.
+/// The errors that came out of the study: `fidelity.json`, the same on every host.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FidelityReport {
@@ -25,8 +28,6 @@ pub struct FidelityReport {
     pub semantics: u32,
     /// Name of the machine that is simulated.
     pub machine: String,
-    /// Host threads that ran it.
-    pub host_threads: u32,
     /// The level that the others are compared with.
     pub reference: String,
     /// What is run at every level.
@@ -53,14 +54,33 @@ pub struct FidelitySubject {
 pub struct FidelityLevel {
     /// The level with its options, as `--fidelity` takes it.
     pub level: String,
-    /// Seconds of the host in the kernels and the model.
-    pub seconds: f64,
     /// Simulated time of the whole, less that of the reference, divided by it; null at levels without time.
     pub error: Option<f64>,
     /// The greatest such error, either way, of the phases that take at least a tenth of the time; null at levels without time.
     pub phase_error: Option<f64>,
     /// The phase that has it.
     pub phase: Option<String>,
+}
+
+/// What the study took of the host that ran it: `prices.json`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FidelitySeconds {
+    /// Version of this layout.
+    pub schema_version: u32,
+    /// Host threads that ran it.
+    pub host_threads: u32,
+    /// By subject and level, as `fidelity.json` has them, seconds of the host in the kernels and the model.
+    pub seconds: Vec<Vec<f64>>,
+}
+
+/// Errors and seconds side by side: the study as it is read.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PriceList {
+    /// How far the levels are off.
+    pub errors: FidelityReport,
+    /// What they take.
+    pub host: FidelitySeconds,
 }
 
 /// What a level came to over all subjects.
@@ -79,6 +99,27 @@ impl FidelityReport {
     pub fn to_json(&self) -> String {
         serde_json::to_string_pretty(self).expect("a report has string keys and finite numbers") + "\n"
     }
+}
+
+impl FidelitySeconds {
+    /// The bytes of `prices.json`.
+    pub fn to_json(&self) -> String {
+        serde_json::to_string_pretty(self).expect("seconds are finite numbers") + "\n"
+    }
+}
+
+impl PriceList {
+    /// Both, if there are seconds for each subject at each level.
+    pub fn new(errors: FidelityReport, host: FidelitySeconds) -> Option<PriceList> {
+        let levels = errors.subjects.iter().map(|subject| subject.levels.len());
+        let is_whole = levels.eq(host.seconds.iter().map(Vec::len));
+        is_whole.then_some(PriceList { errors, host })
+    }
+
+    /// The subjects, each with its seconds by level.
+    fn subjects(&self) -> impl Iterator<Item = (&FidelitySubject, &[f64])> {
+        self.errors.subjects.iter().zip(self.host.seconds.iter().map(Vec::as_slice))
+    }
 
     /// What the study is about, for somebody who reads of it for the first time: paragraphs.
     pub fn introduction(&self) -> Vec<String> {
@@ -87,10 +128,10 @@ impl FidelityReport {
                 "A simulation can be cheap or exact. Each level of modeling (`--fidelity`) ran the same programs on {}, the scenes of Johnson et al. 2009 in \
                  small pictures and two microbenchmarks; `{}`, the most exact, is what the others are compared with. Seconds are those in the kernels and the \
                  model, with {} host {}: what scene, eye view and pictures take is the same at every level.",
-                self.machine,
-                self.reference,
-                self.host_threads,
-                if self.host_threads == 1 { "thread" } else { "threads" },
+                self.errors.machine,
+                self.errors.reference,
+                self.host.host_threads,
+                if self.host.host_threads == 1 { "thread" } else { "threads" },
             ),
             "Detailed simulators in wide use run 0.04 to 2 million instructions a second on a core of the host.".to_owned(),
         ];
@@ -108,7 +149,7 @@ impl FidelityReport {
             advice.push(format!(
                 "`windowed` is the default: {} times as fast as `{}`, and no phase that matters is off by more than {} %, no whole by more than {} %.",
                 short(windowed.speed),
-                self.reference,
+                self.errors.reference,
                 short(100.0 * phase),
                 short(100.0 * whole)
             ));
@@ -121,7 +162,7 @@ impl FidelityReport {
                 "`sampled` is for long runs of which a few per cent are enough: here up to {} times as fast as `{}` (`{}`), wholes off by up to {} % and \
                  phases by {} %, each with an interval. On pictures as small as these most steps are timed whole; the longer a run, the more it saves.",
                 short(best.speed),
-                self.reference,
+                self.errors.reference,
                 best.level,
                 short(100.0 * whole),
                 short(100.0 * phase)
@@ -133,7 +174,7 @@ impl FidelityReport {
                 "`roofline` is for the order of machines and for what limits them, not for times: {} times as fast as `{}`, and off by up to {} % of a phase, \
                  {} % of a whole. In a study a further machine costs next to nothing.",
                 short(roofline.speed),
-                self.reference,
+                self.errors.reference,
                 short(100.0 * phase),
                 short(100.0 * whole)
             ));
@@ -142,22 +183,21 @@ impl FidelityReport {
     }
 
     fn summaries(&self) -> Vec<Summary> {
-        let Some(first) = self.subjects.first() else { return Vec::new() };
+        let Some(first) = self.errors.subjects.first() else { return Vec::new() };
         let summary = |(place, level): (usize, &FidelityLevel)| {
-            let rows =
-                || self.subjects.iter().filter_map(|subject| Some((subject, subject.levels.get(place)?)));
-            let reference =
-                |subject: &FidelitySubject| subject.levels.last().map_or(0.0, |level| level.seconds);
-            let speeds = rows().map(|(subject, row)| (reference(subject) / row.seconds.max(1e-9)).ln());
+            let subjects = || self.errors.subjects.iter();
+            let seconds = || self.host.seconds.iter().map(|seconds| seconds[place]);
+            let reference = self.host.seconds.iter().filter_map(|seconds| seconds.last());
+            let speeds =
+                reference.zip(seconds()).map(|(reference, seconds)| (reference / seconds.max(1e-9)).ln());
             let worst = |error: fn(&FidelityLevel) -> Option<f64>| {
-                rows().filter_map(|(_, row)| error(row)).map(f64::abs).reduce(f64::max)
+                subjects().filter_map(|subject| error(&subject.levels[place])).map(f64::abs).reduce(f64::max)
             };
-            let seconds: f64 = rows().map(|(_, row)| row.seconds).sum();
-            let instructions: u64 = rows().map(|(subject, _)| subject.instructions).sum();
+            let instructions: u64 = subjects().map(|subject| subject.instructions).sum();
             Summary {
                 level: level.level.clone(),
-                speed: (speeds.sum::<f64>() / self.subjects.len() as f64).exp(),
-                rate: instructions as f64 / seconds.max(1e-9),
+                speed: (speeds.sum::<f64>() / self.errors.subjects.len() as f64).exp(),
+                rate: instructions as f64 / seconds().sum::<f64>().max(1e-9),
                 errors: worst(|row| row.error)
                     .zip(worst(|row| row.phase_error))
                     .map(|(whole, phase)| [whole, phase]),
@@ -169,7 +209,7 @@ impl FidelityReport {
     /// The price list, and then each subject.
     pub fn findings(&self) -> Vec<Finding> {
         std::iter::once(self.price_list())
-            .chain(self.subjects.iter().map(|subject| self.finding(subject)))
+            .chain(self.subjects().map(|(subject, seconds)| finding(subject, seconds)))
             .collect()
     }
 
@@ -198,7 +238,7 @@ impl FidelityReport {
             notes: vec![format!(
                 "Speeds are geometric means over all subjects, as multiples of that of `{}`; errors are the greatest of any subject, either way, of wholes and of \
                  the phases that take at least {} % of the time.",
-                self.reference,
+                self.errors.reference,
                 short(100.0 * SHARE_MIN)
             )],
             sheet: Sheet {
@@ -215,47 +255,10 @@ impl FidelityReport {
             },
             plot: Some(Plot::Lines(Lines {
                 title: "what is gained, and what it costs".to_owned(),
-                x: Axis::new(format!("times as fast as {}", self.reference), true),
+                x: Axis::new(format!("times as fast as {}", self.errors.reference), true),
                 y: Axis::new("greatest error of a phase, %", false),
                 series: series.collect(),
             })),
-        }
-    }
-
-    fn finding(&self, subject: &FidelitySubject) -> Finding {
-        let percent = |error: Option<f64>| Cell::maybe(error.map(|error| 100.0 * error));
-        let rows = subject.levels.iter().map(|level| {
-            vec![
-                Cell::Text(level.level.clone()),
-                Cell::Number(level.seconds),
-                Cell::Number(subject.instructions as f64 / level.seconds.max(1e-9) / 1e6),
-                percent(level.error),
-                percent(level.phase_error),
-                level.phase.clone().map_or(Cell::Missing, Cell::Text),
-            ]
-        });
-        Finding {
-            name: subject.name.clone(),
-            title: subject.name.clone(),
-            notes: vec![format!(
-                "{}; {} million instructions.",
-                subject.about,
-                short(subject.instructions as f64 / 1e6)
-            )],
-            sheet: Sheet {
-                columns: [
-                    "level",
-                    "seconds",
-                    "million instructions/s",
-                    "error, %",
-                    "error of a phase, %",
-                    "phase",
-                ]
-                .map(str::to_owned)
-                .to_vec(),
-                rows: rows.collect(),
-            },
-            plot: None,
         }
     }
 
@@ -266,14 +269,51 @@ impl FidelityReport {
     }
 }
 
+/// What the levels take and give on one subject.
+fn finding(subject: &FidelitySubject, seconds: &[f64]) -> Finding {
+    let percent = |error: Option<f64>| Cell::maybe(error.map(|error| 100.0 * error));
+    let rows = subject.levels.iter().zip(seconds).map(|(level, seconds)| {
+        vec![
+            Cell::Text(level.level.clone()),
+            Cell::Number(*seconds),
+            Cell::Number(subject.instructions as f64 / seconds.max(1e-9) / 1e6),
+            percent(level.error),
+            percent(level.phase_error),
+            level.phase.clone().map_or(Cell::Missing, Cell::Text),
+        ]
+    });
+    Finding {
+        name: subject.name.clone(),
+        title: subject.name.clone(),
+        notes: vec![format!(
+            "{}; {} million instructions.",
+            subject.about,
+            short(subject.instructions as f64 / 1e6)
+        )],
+        sheet: Sheet {
+            columns: [
+                "level",
+                "seconds",
+                "million instructions/s",
+                "error, %",
+                "error of a phase, %",
+                "phase",
+            ]
+            .map(str::to_owned)
+            .to_vec(),
+            rows: rows.collect(),
+        },
+        plot: None,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn report() -> FidelityReport {
-        let level = |level: &str, seconds: f64, error: Option<f64>| FidelityLevel {
+    fn list() -> PriceList {
+        let level = |level: &str, error: Option<f64>| FidelityLevel {
             level: level.to_owned(),
-            seconds,
             error,
             phase_error: error.map(|error| 2.0 * error),
             phase: error.map(|_| "soft".to_owned()),
@@ -283,25 +323,30 @@ mod tests {
             about: "a picture".to_owned(),
             instructions: 8_000_000,
             levels: vec![
-                level("functional", 0.1, None),
-                level("windowed", factor, Some(-0.01 * factor)),
-                level("cycle", 8.0, Some(0.0)),
+                level("functional", None),
+                level("windowed", Some(-0.01 * factor)),
+                level("cycle", Some(0.0)),
             ],
         };
-        FidelityReport {
+        let errors = FidelityReport {
             schema_version: FIDELITY_SCHEMA_VERSION,
             lrbsim_version: String::new(),
             semantics: 1,
             machine: "larrabee-24".to_owned(),
-            host_threads: 2,
             reference: "cycle".to_owned(),
             subjects: vec![subject("palm", 1.0), subject("fern", 4.0)],
-        }
+        };
+        let host = FidelitySeconds {
+            schema_version: PRICES_SCHEMA_VERSION,
+            host_threads: 2,
+            seconds: vec![vec![0.1, 1.0, 8.0], vec![0.1, 4.0, 8.0]],
+        };
+        PriceList::new(errors, host).expect("seconds for each")
     }
 
     #[test]
     fn speeds_are_geometric_means_and_errors_the_greatest() {
-        let report = report();
+        let report = list();
         let all = report.summaries();
         assert_eq!(all[0].errors, None);
         assert!((all[1].speed - 4.0).abs() < 1e-9, "8 and 2 times as fast: {}", all[1].speed);
@@ -312,6 +357,9 @@ mod tests {
             said.contains("4 times as fast as `cycle`, and no phase that matters is off by more than 8 %"),
             "{said}"
         );
+        let mut host = report.host.clone();
+        host.seconds[1].pop();
+        assert_eq!(PriceList::new(report.errors.clone(), host), None, "seconds of another study");
         assert!(report.markdown().contains("| windowed | 4 | 3.200 | 4 | 8 |"), "{}", report.markdown());
     }
 }

@@ -54,7 +54,7 @@ pub(crate) fn run(args: &ReportArgs, out: &mut impl Write) -> Result<(), Failure
         Results::Study(report) => study::drawings(&Digest::of(report)),
         Results::Stability(report) => stability::drawings(report),
         Results::Table3(report) => table3::drawings(report),
-        Results::Fidelity(report) => fidelity::drawings(report),
+        Results::Fidelity(report) => fidelity::drawings(&fidelity::beside(folder, (**report).clone())?),
     };
     write(folder, &files, out)
 }

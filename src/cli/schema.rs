@@ -5,7 +5,7 @@ use std::io::Write;
 use clap::{Args, ValueEnum};
 use lrbsim::choices;
 use lrbsim_machine::MachineConfig;
-use lrbsim_reports::fidelity::FidelityReport;
+use lrbsim_reports::fidelity::{FidelityReport, FidelitySeconds};
 use lrbsim_reports::frames::FramesReport;
 use lrbsim_reports::stability::StabilityReport;
 use lrbsim_reports::study::{StudyFile, StudyHosts, StudyReport};
@@ -45,6 +45,8 @@ enum Format {
     Table3,
     /// The result of `study fidelity`, fidelity.json.
     Fidelity,
+    /// What `study fidelity` took of the host, prices.json.
+    Prices,
     /// The frames of a moving scene, frames.json.
     Frames,
     /// Every number of a report with its unit and meaning, as Markdown.
@@ -67,6 +69,7 @@ pub(crate) fn run(args: &SchemaArgs, out: &mut impl Write) -> Result<(), Failure
         Format::Stability => schema_for!(StabilityReport),
         Format::Table3 => schema_for!(Table3Report),
         Format::Fidelity => schema_for!(FidelityReport),
+        Format::Prices => schema_for!(FidelitySeconds),
         Format::Frames => schema_for!(FramesReport),
         Format::Counters => {
             out.write_all(dictionary::markdown().as_bytes())?;

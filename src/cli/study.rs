@@ -397,15 +397,15 @@ fn run_fidelity(
     target: &Path,
 ) -> Result<Made, BadInput> {
     let request = FidelityRequest { only: args.only.clone(), quick: args.quick, host };
-    let report = fidelity::run_fidelity(&request, bar)?;
-    let first = report.findings().swap_remove(0);
+    let list = fidelity::run_fidelity(&request, bar)?;
+    let first = list.findings().swap_remove(0);
     Ok(Made {
-        json: report.to_json(),
-        first: Finding { notes: first.notes.into_iter().chain(report.advice()).collect(), ..first },
-        count: counted(report.subjects.len() as u64, "subject"),
+        json: list.errors.to_json(),
+        first: Finding { notes: first.notes.into_iter().chain(list.advice()).collect(), ..first },
+        count: counted(list.errors.subjects.len() as u64, "subject"),
         failed: 0,
         file: fidelity::FILE,
-        paths: fidelity::write(target, &report)?,
+        paths: fidelity::write(target, &list)?,
     })
 }
 

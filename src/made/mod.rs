@@ -56,9 +56,14 @@ pub(crate) fn number(visible: f32) -> f64 {
     if visible.is_finite() { f64::from(visible) } else { 2.0 }
 }
 
-/// The files of a study other than its results, all drawn from them: names and bytes.
-pub(crate) fn drawings(markdown: String, findings: &[Finding], page: String) -> Vec<(String, Vec<u8>)> {
-    let mut files = vec![("table.md".to_owned(), markdown.into_bytes())];
+/// The files of a study other than its results, all drawn from them: names and bytes. Its text is called `name`.
+pub(crate) fn drawings(
+    name: &str,
+    markdown: String,
+    findings: &[Finding],
+    page: String,
+) -> Vec<(String, Vec<u8>)> {
+    let mut files = vec![(name.to_owned(), markdown.into_bytes())];
     files.extend(findings.iter().flat_map(Finding::files));
     files.push(("report.html".to_owned(), page.into_bytes()));
     files

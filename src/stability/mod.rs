@@ -132,7 +132,7 @@ fn point(
 
 /// The files of the study other than its results, all drawn from them: names and bytes.
 pub fn drawings(report: &StabilityReport) -> Vec<(String, Vec<u8>)> {
-    made::drawings(report.markdown(), &report.findings(), page::of_stability(report))
+    made::drawings("table.md", report.markdown(), &report.findings(), page::of_stability(report))
 }
 
 /// Writes the results of the study to `dir`, its JSON last, in place of the results there, and tells their paths.

@@ -167,7 +167,7 @@ fn drawn(algorithm: &Algorithm, view: &View, host: HostOptions) -> Result<Vec<f6
 
 /// The files of the study other than its results, all drawn from them: names and bytes.
 pub fn drawings(report: &Table3Report) -> Vec<(String, Vec<u8>)> {
-    made::drawings(report.markdown(), &report.findings(), page::of_table3(report))
+    made::drawings("table.md", report.markdown(), &report.findings(), page::of_table3(report))
 }
 
 /// Writes the results of the study to `dir`, its JSON last, in place of the results there, and tells their paths.

@@ -10,7 +10,7 @@ use serde_json::Value;
 use crate::analysis::{Finding, findings};
 use crate::base64;
 use crate::digest::Digest;
-use crate::fidelity::FidelityReport;
+use crate::fidelity::PriceList;
 use crate::frames::FramesReport;
 use crate::host::HostReport;
 use crate::picture::{ERROR_COLORS, ERROR_SCALE_END};
@@ -128,9 +128,9 @@ pub fn of_table3(report: &Table3Report) -> String {
 }
 
 /// The page of the study of fidelity.
-pub fn of_fidelity(report: &FidelityReport) -> String {
-    let more = serde_json::json!({"kind": "fidelity", "report": report});
-    of_made("What fidelity costs", &report.introduction(), &report.findings(), more)
+pub fn of_fidelity(list: &PriceList) -> String {
+    let more = serde_json::json!({"kind": "fidelity", "report": list.errors, "prices": list.host});
+    of_made("What fidelity costs", &list.introduction(), &list.findings(), more)
 }
 
 /// The page of a study that is no product of axes; `data` is what its kind has beside what all have.

@@ -10,13 +10,13 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Mutex, PoisonError};
 
 /// Part of a step's chunks that is timed at first: with less of them, too many are timed while other threads have run out of work.
-const SHARE: f64 = 0.06;
+const SHARE: f64 = 0.045;
 
 /// Chunks for each thread that are timed at least.
-const PER_THREAD: f64 = 1.5;
+const PER_THREAD: f64 = 1.25;
 
 /// Chunks that are timed at least: with fewer, how much they differ is not known.
-const CHUNKS_MIN: f64 = 144.0;
+const CHUNKS_MIN: f64 = 120.0;
 
 /// Neighbors that are timed together at most: what one of them has in its caches the next may need.
 const GROUP_MAX: usize = 16;

@@ -45,7 +45,7 @@ impl Durations {
                 let mut sum = 0.0;
                 for (gone, until) in idle.iter().enumerate() {
                     let threads = idle.len() - gone;
-                    sum += (until - from) as f64 * share(ready, threads) * (ready * threads as f64);
+                    sum += (until - from) as f64 * issue_share(ready, threads) * (ready * threads as f64);
                     from = *until;
                 }
                 sum
@@ -66,7 +66,7 @@ impl Durations {
     pub(super) fn crowded_cycles(&self, chunk: usize, ready: f64) -> f64 {
         let Chunk { core, asked, done } = self.chunks[chunk];
         let idle = &self.idle[core];
-        let speed = |threads: usize| share(ready, threads);
+        let speed = |threads: usize| issue_share(ready, threads);
         let crowded = speed(idle.len());
         let (mut from, mut sum) = (asked, 0.0);
         for (gone, until) in idle.iter().enumerate() {
@@ -81,7 +81,7 @@ impl Durations {
 }
 
 /// Part of the cycles that each of `threads` threads issues in, relative to a thread alone, if each is `ready` to in that part of them.
-fn share(ready: f64, threads: usize) -> f64 {
+pub(super) fn issue_share(ready: f64, threads: usize) -> f64 {
     // (1 - (1 - ready)^k) / (k ready), as a sum that holds for 0 too.
     let mut waits = 1.0;
     let mut sum = 0.0;

@@ -69,8 +69,10 @@ struct Sample {
     timed: StepReport,
     /// Uops of tasks that were timed, spills left out.
     uops: u64,
-    /// By chunk the cycles of those of its tasks that were timed.
-    cycles: Vec<u64>,
+    /// By chunk the cycles that those of its tasks that were timed would have taken, had all threads had work all the time.
+    cycles: Vec<f64>,
+    /// Part of the cycles in which a thread is ready to issue.
+    ready: f64,
     /// The chunks that tell the rate.
     told: Vec<Told>,
     /// What ran in between because tasks must be run in order.
@@ -113,11 +115,13 @@ impl Sampled {
         let report = self.chip.run_chunks(&chosen, lengths)?;
         let (uops, skipped) = chosen.into_counts(parts);
         let durations = self.chip.observer();
-        let told = rate::told(durations, parts, &uops, measured, report.cycle_stack.issue);
-        for (number, part) in parts.iter().enumerate() {
-            sample.cycles[part.chunk] += durations.cycles(number);
+        let ready = durations.readiness(report.cycle_stack.issue);
+        let told = rate::told(durations, parts, &uops, ready);
+        for (part, told) in parts.iter().zip(&told) {
+            sample.cycles[part.chunk] += told.cycles;
         }
-        sample.told.extend(told);
+        sample.told.extend_from_slice(&told[measured]);
+        sample.ready = ready;
         sample.timed += report;
         sample.uops += uops.iter().sum::<u64>();
         sample.skipped.add(skipped);
@@ -168,7 +172,8 @@ impl Timing for Sampled {
         let mut sample = Sample {
             timed: StepReport::default(),
             uops: 0,
-            cycles: vec![0; lengths.len()],
+            cycles: vec![0.0; lengths.len()],
+            ready: 0.0,
             told: Vec::new(),
             skipped: Skipped::default(),
         };
@@ -198,17 +203,15 @@ impl Timing for Sampled {
         if !tasks.is_ordered() {
             sample.skipped.run_all(tasks, &chunks.untimed(), self.host_threads);
         }
-        let Sample { timed, uops, cycles, skipped, .. } = sample;
+        let Sample { timed, uops, cycles, ready, skipped, .. } = sample;
         let mut left = vec![0_u64; cycles.len()];
         for (task, uops) in &skipped.uops {
             left[chunks.chunk_of(*task)] += uops;
         }
-        let durations = cycles
-            .iter()
-            .zip(left)
-            .map(|(cycles, left)| cycles + (left as f64 * rate.cycles).round() as Cycle);
+        let durations = cycles.iter().zip(left).map(|(cycles, left)| cycles + left as f64 * rate.cycles);
         let barrier = self.chip.observer().barrier_cycles();
-        let cycles = schedule::makespan(durations, threads as usize) + barrier;
+        let cycles =
+            schedule::makespan(durations, [threads, self.spec.cores], ready).round() as Cycle + barrier;
 
         let untimed_uops = skipped.counts.total();
         let extrapolated = untimed_uops as f64 * rate.cycles / f64::from(threads);

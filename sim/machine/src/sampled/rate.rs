@@ -1,9 +1,8 @@
 //! What a uop takes of a thread while all others have work too.
 
 use super::choose::Part;
-use super::durations::Durations;
+use super::durations::{Durations, issue_share};
 use crate::counters::CycleStack;
-use std::ops::Range;
 
 /// Relative standard deviation of a rate whatever is measured: what is not timed leaves caches cold, and threads end at other times.
 pub(super) const MODEL: f64 = 0.025;
@@ -12,7 +11,7 @@ pub(super) const MODEL: f64 = 0.025;
 pub(super) const MODEL_OUTSIDE: f64 = 0.08;
 
 /// How near threads come to knowing of no other, from not at all to wholly: as found on `saloon`, `street` and `fern` (`benches/sampled.rs`).
-const INDEPENDENT: f64 = 0.75;
+pub(super) const INDEPENDENT: f64 = 0.75;
 
 /// A chunk that tells a rate.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -75,30 +74,29 @@ pub(super) fn model(stack: &CycleStack) -> f64 {
     MODEL + MODEL_OUTSIDE * waited
 }
 
-/// What `chunks` tell of a run of `parts` in which cores issued in `busy` cycles. Once other threads of a core have run out of work, those that
-/// are left may go faster: not at all where threads fill each other's gaps so well that all of them had room, and as if no thread knew
-/// of any other where they do not.
-pub(super) fn told(
-    durations: &Durations,
-    parts: &[Part],
-    uops: &[u64],
-    chunks: Range<usize>,
-    busy: u64,
-) -> Vec<Told> {
+/// What each of `parts` tells of a run in which a thread is `ready` to issue in that part of the cycles. Once other threads of a core have
+/// run out of work, those that are left may go faster: not at all where threads fill each other's gaps so well that all of them had
+/// room, and as if no thread knew of any other where they do not.
+pub(super) fn told(durations: &Durations, parts: &[Part], uops: &[u64], ready: f64) -> Vec<Told> {
     // The truth is taken to be anywhere between both, with equal chance.
     let [below, above] = [INDEPENDENT, 1.0 - INDEPENDENT];
     let deviation = ((below * below * below + above * above * above) / 3.0).sqrt();
-    let ready = durations.readiness(busy);
-    let tell = |chunk: usize| {
+    let tell = |(chunk, part): (usize, &Part)| {
         let (least, most) = (durations.cycles(chunk) as f64, durations.crowded_cycles(chunk, ready));
         Told {
             uops: uops[chunk] as f64,
             cycles: least + INDEPENDENT * (most - least),
             doubt: deviation * (most - least),
-            group: parts[chunk].group,
+            group: part.group,
         }
     };
-    chunks.map(tell).collect()
+    parts.iter().enumerate().map(tell).collect()
+}
+
+/// How much faster than with `of` threads each of the `threads` of a core is that still have work, if each is `ready` in that part of
+/// the cycles.
+pub(super) fn speed_up(ready: f64, threads: usize, of: usize) -> f64 {
+    1.0 + INDEPENDENT * (issue_share(ready, threads) / issue_share(ready, of) - 1.0)
 }
 
 fn sum(chunks: &[Told]) -> Told {

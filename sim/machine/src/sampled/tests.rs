@@ -159,13 +159,26 @@ fn chunks_that_are_timed_and_those_that_are_not_are_all_tasks() {
 
 #[test]
 fn a_schedule_is_as_long_as_who_is_done_last() {
-    let makespan = |durations: &[Cycle], threads| schedule::makespan(durations.iter().copied(), threads);
-    assert_eq!(makespan(&[], 3), 0);
-    assert_eq!(makespan(&[7; 9], 3), 21);
-    assert_eq!(makespan(&[7; 10], 3), 28);
+    let makespan = |durations: &[f64], threads, cores, ready| {
+        schedule::makespan(durations.iter().copied(), [threads, cores], ready)
+    };
+    // A core for each thread.
+    let alone = |durations: &[f64], threads| makespan(durations, threads, threads, 1.0);
+    assert_eq!(alone(&[], 3), 0.0);
+    assert_eq!(alone(&[7.0; 9], 3), 21.0);
+    assert_eq!(alone(&[7.0; 10], 3), 28.0);
     // The long one begins when the first is done.
-    assert_eq!(makespan(&[1, 5, 5, 10], 3), 11);
-    assert_eq!(makespan(&[3, 1, 4, 1, 5], 1), 14);
+    assert_eq!(alone(&[1.0, 5.0, 5.0, 10.0], 3), 11.0);
+    assert_eq!(alone(&[3.0, 1.0, 4.0, 1.0, 5.0], 1), 14.0);
+
+    // Threads of one core that are hardly ever ready are not in each other's way. Where they always are, one alone is as fast as two, as
+    // far as it may be.
+    assert_eq!(makespan(&[40.0, 100.0], 2, 1, 0.0), 100.0);
+    assert_eq!(makespan(&[40.0, 100.0], 2, 1, 1.0), 40.0 + 60.0 / (1.0 + rate::INDEPENDENT));
+    // Threads 0 and 2 are one core's, 1 and 3 the other's: it is over when the slower core is.
+    assert_eq!(makespan(&[100.0, 40.0, 100.0, 40.0], 4, 2, 1.0), 100.0);
+    let slower = 40.0 + 60.0 / (1.0 + rate::INDEPENDENT);
+    assert_eq!(makespan(&[100.0, 40.0, 40.0, 40.0], 4, 2, 1.0), slower);
 }
 
 #[test]
