@@ -138,22 +138,19 @@ impl<V: Vpu> View<V> {
     /// multiples of a quarter turn of a rectangle, and of a half turn of a line.
     #[inline(always)]
     pub fn turned(self, v: &mut V, cos: V::F32, sin: V::F32) -> View<V> {
-        let mut turn = |s: V::F32, t: V::F32| {
-            let of_t = v.vmul(t, sin);
-            let new_s = v.vmadd(s, cos, of_t);
-            let of_s = v.vmul(s, sin);
-            (new_s, v.vmsub(t, cos, of_s))
-        };
-        let pairs = each!(axis in [0, 1, 2] => turn(self.s[axis], self.t[axis]));
+        let pairs = each!(axis in [0, 1, 2] => turn(v, cos, sin, [self.s[axis], self.t[axis]]));
         let units = match self.units {
             None => None,
             Some([s, t]) => {
-                let pairs = each!(axis in [0, 1, 2] => turn(s[axis], t[axis]));
-                Some([pairs.map(|(s, _)| s), pairs.map(|(_, t)| t)])
+                let pairs = each!(axis in [0, 1, 2] => turn(v, cos, sin, [s[axis], t[axis]]));
+                Some([pairs.map(|[s, _]| s), pairs.map(|[_, t]| t)])
             }
         };
-        let foot = self.foot.map(|[s, t]| turn(s, t).into());
-        View { s: pairs.map(|(s, _)| s), t: pairs.map(|(_, t)| t), units, foot, ..self }
+        let foot = match self.foot {
+            None => None,
+            Some(foot) => Some(turn(v, cos, sin, foot)),
+        };
+        View { s: pairs.map(|[s, _]| s), t: pairs.map(|[_, t]| t), units, foot, ..self }
     }
 
     /// The vectors that lead from the middle of the light to the places (1, 0) and (0, 1). `radius`: of a disc.
@@ -314,6 +311,15 @@ pub struct Horizon<V: Vpu> {
     /// Distance of the receiver's plane from the middle of the light, times something positive: the middle is left of the line
     /// where this is above 0. The places cannot tell, where the line goes through the middle within what they are rounded by.
     pub offset: V::F32,
+}
+
+/// A place, turned by the angle of this cosine and sine.
+#[inline(always)]
+fn turn<V: Vpu>(v: &mut V, cos: V::F32, sin: V::F32, [s, t]: Vec2<V>) -> Vec2<V> {
+    let of_t = v.vmul(t, sin);
+    let new_s = v.vmadd(s, cos, of_t);
+    let of_s = v.vmul(s, sin);
+    [new_s, v.vmsub(t, cos, of_s)]
 }
 
 /// The vector `x`, its opposite in the lanes `around`.

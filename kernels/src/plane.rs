@@ -2,6 +2,8 @@
 
 use lrbsim_isa::Vpu;
 
+use crate::expression::each;
+
 /// A vector of three components in each of 16 lanes.
 pub type Vec3<V> = [<V as Vpu>::F32; 3];
 
@@ -35,13 +37,11 @@ pub fn edge_normal<V: Vpu>(v: &mut V, low: Vec3<V>, high: Vec3<V>) -> Vec3<V> {
 /// behind leaves and at contacts under a far one.
 #[inline(always)]
 pub fn plane_slack<V: Vpu>(v: &mut V, corners: [Vec3<V>; 3], normal: Vec3<V>) -> V::F32 {
-    let size = |v: &mut V, a: Vec3<V>| [v.vabs(a[0]), v.vabs(a[1]), v.vabs(a[2])];
-    let of_normal = size(v, normal);
-    let mut terms = |corner: Vec3<V>| {
-        let of_corner = size(v, corner);
+    let of_normal = each!(axis in [0, 1, 2] => v.vabs(normal[axis]));
+    let terms = each!(corner in [corners[0], corners[1], corners[2]] => {
+        let of_corner = each!(axis in [0, 1, 2] => v.vabs(corner[axis]));
         dot(v, of_corner, of_normal)
-    };
-    let terms = corners.map(&mut terms);
+    });
     let greatest = v.vmax(terms[0], terms[1]);
     let greatest = v.vmax(greatest, terms[2]);
     let part = v.vset_f32(PLANE_SLACK);
@@ -51,12 +51,12 @@ pub fn plane_slack<V: Vpu>(v: &mut V, corners: [Vec3<V>; 3], normal: Vec3<V>) ->
 /// The cross product `a x b` in every lane.
 #[inline(always)]
 pub fn cross<V: Vpu>(v: &mut V, a: Vec3<V>, b: Vec3<V>) -> Vec3<V> {
-    let mut component = |i: usize, j: usize| {
+    each!(axis in [0, 1, 2] => {
+        let (i, j) = ((axis + 1) % 3, (axis + 2) % 3);
         let p = v.vmul(a[i], b[j]);
         let q = v.vmul(a[j], b[i]);
         v.vsub(p, q)
-    };
-    [component(1, 2), component(2, 0), component(0, 1)]
+    })
 }
 
 /// The difference `a - b` in every lane.

@@ -37,7 +37,7 @@ pub fn square<V: Vpu>(v: &mut V, live: V::Mask, u0: Vec2<V>, u1: Vec2<V>) -> (V:
     });
     let backward = [v.vsub(zero, forward[0]), v.vsub(zero, forward[1])];
     let minus_c = v.vsub(zero, c);
-    let mut meet = |sides: Vec2<V>| {
+    let [leaves, enters] = each!(sides in [forward, backward] => {
         let y = v.vmadd(sides[0], e[1], minus_c);
         let y = v.vmul(y, per_e[0]);
         let x = v.vmadd(sides[1], e[0], c);
@@ -47,23 +47,18 @@ pub fn square<V: Vpu>(v: &mut V, live: V::Mask, u0: Vec2<V>, u1: Vec2<V>) -> (V:
         let from_y = v.vabs(y);
         let upright = v.vcmp_le(from_y, one);
         [v.vblend_f32(upright, sides[0], x), v.vblend_f32(upright, y, sides[1])]
-    };
-    let (leaves, enters) = (meet(forward), meet(backward));
+    });
     // What of that the edge has: from its beginning or where it enters, to its end or where it leaves.
-    let ahead = |v: &mut V, to: Vec2<V>, from: Vec2<V>| {
-        let way = [v.vsub(to[0], from[0]), v.vsub(to[1], from[1])];
-        dot(v, way, e)
-    };
-    let to_leave = ahead(v, leaves, u0);
+    let to_leave = ahead(v, e, leaves, u0);
     let live = v.vcmp_gt_masked(live, to_leave, zero);
-    let from_enter = ahead(v, u1, enters);
+    let from_enter = ahead(v, e, u1, enters);
     let live = v.vcmp_gt_masked(live, from_enter, zero);
     if !v.branch_any(live) {
         return (live, zero);
     }
-    let to_enter = ahead(v, enters, u0);
+    let to_enter = ahead(v, e, enters, u0);
     let begins_outside = v.vcmp_gt(to_enter, zero);
-    let from_leave = ahead(v, u1, leaves);
+    let from_leave = ahead(v, e, u1, leaves);
     let ends_outside = v.vcmp_gt(from_leave, zero);
     let a = each!(axis in [0, 1] => v.vblend_f32(begins_outside, enters[axis], u0[axis]));
     let b = each!(axis in [0, 1] => v.vblend_f32(ends_outside, leaves[axis], u1[axis]));
@@ -108,6 +103,13 @@ fn around<V: Vpu>(v: &mut V, live: V::Mask, u: Vec2<V>) -> (V::F32, V::Mask) {
     let base = v.vadd_or(base, behind, base, two);
     let half = v.vset_f32(0.5);
     (v.vmadd(ratio, half, base), live)
+}
+
+/// How far `to` is ahead of `from` in the direction of `e`, times the length of `e`.
+#[inline(always)]
+fn ahead<V: Vpu>(v: &mut V, e: Vec2<V>, to: Vec2<V>, from: Vec2<V>) -> V::F32 {
+    let way = [v.vsub(to[0], from[0]), v.vsub(to[1], from[1])];
+    dot(v, way, e)
 }
 
 /// Part of the line from (-1, 0) to (1, 0) beyond the edge `u0 -> u1`, seen from its middle: in [0, 1/2], unsigned; 0 outside the

@@ -150,12 +150,12 @@ impl Kernel for Grids {
         let at = int!(v, lane * line);
         let count = v.vgather_i32_or(none, faces, self.bounds.field(field!(FaceBounds.count)), at);
         let seen = v.vicmp_gt_masked(faces, count, none);
-        let bound = |v: &mut V, number: usize| {
-            v.vgather_f32_or(one, seen, self.bounds.field(field!(FaceBounds.least[number])), at)
-        };
-        let low = each!(axis in [0, 1, 2] => bound(v, 2 * axis));
+        let low = each!(axis in [0, 1, 2] => {
+            v.vgather_f32_or(one, seen, self.bounds.field(field!(FaceBounds.least[2 * axis])), at)
+        });
         let high = each!(axis in [0, 1, 2] => {
-            let minus_high = bound(v, 2 * axis + 1);
+            let minus_high = self.bounds.field(field!(FaceBounds.least[2 * axis + 1]));
+            let minus_high = v.vgather_f32_or(one, seen, minus_high, at);
             v.vsub(zero, minus_high)
         });
 

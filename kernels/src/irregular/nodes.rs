@@ -11,7 +11,6 @@ use crate::clear::clear_lines;
 use crate::columns::{Columns, lanes_below, task_range};
 use crate::expression::{each, int, scalar};
 use crate::field;
-use crate::record::Field;
 
 /// A rectangle of a face's image plane and what it holds: a cell, a block, a bin or a group.
 #[repr(C)]
@@ -147,12 +146,11 @@ impl Kernel for Cells {
             let number = scalar!(v, block & 15);
             let number = v.vsplat(number);
             let corner = [int!(v, number & three), int!(v, number >> two)];
-            let mut center = |axis: usize| {
+            let center = each!(axis in [0, 1] => {
                 let corner = v.vcvt_i32_f32(corner[axis]);
                 let corner = v.vmadd(corner, place.block[axis], place.low[axis]);
                 v.vadd(corner, in_block[axis])
-            };
-            let center = [center(0), center(1)];
+            });
             let first_cell = scalar!(v, block << 4);
             store_nodes(v, all, *cells, first_cell, center, place.cell, depth);
             block = scalar!(v, block + 1);
@@ -225,11 +223,10 @@ impl Kernel for Bins {
             let here = v.kmov_from_scalar(lane);
             depth = v.vblend_f32(here, deepest, depth);
         }
-        let mut center = |axis: usize| {
+        let center = each!(axis in [0, 1] => {
             let in_bin = v.vmul(place.child[axis], place.block[axis]);
             v.vadd(place.low[axis], in_bin)
-        };
-        let center = [center(0), center(1)];
+        });
         store_nodes(v, all, nodes.blocks, first_block, center, place.block, depth);
 
         // The bin itself.
@@ -293,9 +290,9 @@ impl Kernel for Groups {
         let depth = v.vload_f32(bins.column(field!(Node.depth)), first_bin);
         let used = v.vcmp_gt(depth, zero);
         let deepest = math::reduce_max(v, depth);
-        let mut span = |center: Field<Node, f32>, half_size: Field<Node, f32>| {
-            let c = v.vload_f32(bins.column(center), first_bin);
-            let h = v.vload_f32(bins.column(half_size), first_bin);
+        let [(x, size_x), (y, size_y)] = each!(axis in [0, 1] => {
+            let c = v.vload_f32(bins.column(field!(Node.center[axis])), first_bin);
+            let h = v.vload_f32(bins.column(field!(Node.half[axis])), first_bin);
             let low = v.vsub_or(far, used, c, h);
             let low = math::reduce_min(v, low);
             let minus_far = v.vsub(zero, far);
@@ -305,9 +302,7 @@ impl Kernel for Groups {
             let middle = v.vmul(sum, half);
             let size = v.vsub(high, low);
             (middle, size)
-        };
-        let (x, size_x) = span(field!(Node.center[0]), field!(Node.half[0]));
-        let (y, size_y) = span(field!(Node.center[1]), field!(Node.half[1]));
+        });
         let bit = v.s_imm(1);
         let first = v.kmov_from_scalar(bit);
         store_nodes(v, first, self.nodes.groups, group, [x, y], [size_x, size_y], deepest);

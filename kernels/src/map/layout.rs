@@ -3,7 +3,7 @@
 use lrbsim_isa::{Kernel, Runner, Step, Stopped, Vpu, math};
 
 use crate::columns::Columns;
-use crate::expression::int;
+use crate::expression::{each, int};
 use crate::field;
 use crate::irregular::FACES;
 use crate::irregular::bounds::{self, FaceBounds};
@@ -178,10 +178,9 @@ impl Kernel for Squares {
         let inside = v.vset_f32(self.fit.inside);
         let margin = v.vset_f32(self.fit.margin);
         for axis in 0..2 {
-            let mut bound = |number: usize| {
+            let [low, minus_high] = each!(number in [2 * axis, 2 * axis + 1] => {
                 v.vgather_f32_or(zero, seen, self.bounds.field(field!(FaceBounds.least[number])), at)
-            };
-            let (low, minus_high) = (bound(2 * axis), bound(2 * axis + 1));
+            });
             let high = v.vsub(zero, minus_high);
             let extent = extent(v, low, high, self.fit.wider);
             let per_unit = math::div(v, inside, extent);

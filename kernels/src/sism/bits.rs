@@ -230,14 +230,13 @@ impl Shade for Bits {
         if !v.branch_any(live) {
             return;
         }
-        let mut past = |u: Vec2<V>, after: bool| {
-            let t = dot(v, u, e);
-            let t2 = v.vmul(t, t);
-            let far = v.vcmp_ge_masked(live, t2, chord2);
-            if after { v.vcmp_gt_masked(far, t, zero) } else { v.vcmp_lt_masked(far, t, zero) }
-        };
-        let starts_past = past(a, true);
-        let ends_before = past(b, false);
+        let [starts_past, ends_before] = each!(end in [(a, true), (b, false)] => {
+            let (place, is_start) = end;
+            let along = dot(v, place, e);
+            let along2 = v.vmul(along, along);
+            let far = v.vcmp_ge_masked(live, along2, chord2);
+            if is_start { v.vcmp_gt_masked(far, along, zero) } else { v.vcmp_lt_masked(far, along, zero) }
+        });
         let misses = v.kor(starts_past, ends_before);
         let live = v.kandn(misses, live);
         if !v.branch_any(live) {

@@ -234,7 +234,7 @@ pub fn visible<V: Vpu>(
     cut: Option<[V::I32; 2]>,
 ) -> V::F32 {
     let one = v.vset_f32(1.0);
-    let mut coverage = |i: usize| {
+    let [front, back] = each!(i in [0, 1] => {
         let layers = v.vcvt_i32_f32(layers[i]);
         match parts {
             None => layers,
@@ -244,8 +244,7 @@ pub fn visible<V: Vpu>(
                 v.vmadd(part, unit, layers)
             }
         }
-    };
-    let (front, back) = (coverage(0), coverage(1));
+    });
     let apart = v.vsub(front, back);
     let mut apart = v.vabs(apart);
     let mut front = v.vabs(front);

@@ -8,7 +8,7 @@
 use lrbsim_isa::Vpu;
 
 use super::soft::WHOLE;
-use crate::expression::int;
+use crate::expression::{each, int};
 use crate::field;
 use crate::irregular::primitives::EdgeRecord;
 use crate::plane::{Vec3, side};
@@ -56,7 +56,8 @@ impl Kept {
         let signed = v.vsub_or(f, left, zero, f);
         let front = edge.int(v, field!(EdgeRecord.weights[0]));
         let back = edge.int(v, field!(EdgeRecord.weights[1]));
-        let mut sum = |before: V::I32, weight: V::I32| {
+        each!(part in [(coverage[0], front), (coverage[1], back)] => {
+            let (before, weight) = part;
             let weight = v.vcvt_i32_f32(weight);
             let term = v.vmul(signed, weight);
             let term = self.rounded(v, term);
@@ -64,8 +65,7 @@ impl Kept {
             let sum = self.sum(v, sum, term);
             let sum = v.bits_of(sum);
             v.vblend_i32(live, sum, before)
-        };
-        [sum(coverage[0], front), sum(coverage[1], back)]
+        })
     }
 
     /// The sum of two numbers of this format, rounded once.
