@@ -75,8 +75,8 @@ impl Algorithm {
         self.method.lights(&self.options)
     }
 
-    /// Runs the program of one frame.
-    pub fn run(&self, input: &ShadowInput, runner: &mut Runner<'_>) -> Result<Shadows, Stopped> {
+    /// Runs the program of one frame, which takes the receivers of `input` along but for their pixels.
+    pub fn run(&self, input: &mut ShadowInput, runner: &mut Runner<'_>) -> Result<Shadows, Stopped> {
         self.method.run(&self.options, input, runner)
     }
 }

@@ -6,6 +6,7 @@ use lrbsim_isa::host::HostSimd;
 use lrbsim_isa::program::{StepSource, TaskSource};
 use lrbsim_isa::stream::TASK_UOPS_MAX;
 use lrbsim_isa::{Arena, OpCounts, Step, Stream};
+use lrbsim_machine::work::{Work, doing};
 use lrbsim_machine::{CoreActivity, Fidelity, MachineSpec, StepReport, Timing};
 use std::ops::Range;
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
@@ -100,7 +101,10 @@ impl<T: TaskSource> TaskSource for Watched<'_, T> {
     }
 
     fn record(&self, task: u32, stream: &mut Stream) {
-        self.inner.record(task, stream);
+        {
+            let _work = doing(Work::Emission);
+            self.inner.record(task, stream);
+        }
         if stream.cut_short {
             self.too_long.fetch_min(task, Relaxed);
         }
@@ -109,7 +113,10 @@ impl<T: TaskSource> TaskSource for Watched<'_, T> {
 
     fn skip(&self, tasks: Range<u32>, counts: &mut OpCounts) {
         let count = tasks.len() as u32;
-        self.inner.skip(tasks, counts);
+        {
+            let _work = doing(Work::Function);
+            self.inner.skip(tasks, counts);
+        }
         self.progress.skipped(count);
     }
 }

@@ -97,14 +97,14 @@ pub struct Frame {
 pub fn run_frame(request: &RunRequest, progress: &dyn Progress) -> Result<RunOutput, BadInput> {
     let watch = Stopwatch::start();
     let RunRequest { machine, fidelity, host, .. } = request;
-    let prepared = Prepared::new(request, progress)?;
+    let mut prepared = Prepared::new(request, progress)?;
 
     // The kernels, on the machine.
     let simulation = Stopwatch::start();
     let mut engine = Engine::new(&machine.spec, *fidelity, host.simd, host.threads);
-    let mut frame = || -> Result<(Program, Vec<PhaseCosts>), BadInput> {
+    let mut frame = |input: &mut ShadowInput| -> Result<(Program, Vec<PhaseCosts>), BadInput> {
         let mut phases: Vec<PhaseCosts> = Vec::new();
-        let program = run_program(&request.algorithm, &prepared.input, progress, |phase, step, arena| {
+        let program = run_program(&request.algorithm, input, progress, |phase, step, arena| {
             let cost = engine.run(step, arena, progress)?;
             progress.uops(cost.issued);
             add_cost(&mut phases, (phase, step.name()), cost, engine.core_busy_cycles());
@@ -112,11 +112,11 @@ pub fn run_frame(request: &RunRequest, progress: &dyn Progress) -> Result<RunOut
         })?;
         Ok((program, phases))
     };
-    let mut simulated = frame()?;
+    // Each from the start, with every array where it was: only the chip remembers.
     for _ in 0..request.warm_frames {
-        // Again from the start, with every array where it was: only the chip remembers.
-        simulated = frame()?;
+        frame(&mut prepared.input.clone())?;
     }
+    let simulated = frame(&mut prepared.input)?;
     let simulation_seconds = simulation.elapsed().as_secs_f64();
 
     // What came out.
@@ -146,17 +146,17 @@ pub(crate) fn run_on_machines(
     let watch = Stopwatch::start();
     let progress = &Quiet;
     let seat = seats.take();
-    let prepared = Prepared::new(request, progress)?;
+    let mut prepared = Prepared::new(request, progress)?;
     let simulation = Stopwatch::start();
     let specs: Vec<MachineSpec> = machines.iter().map(|machine| machine.spec.clone()).collect();
     // Who waits for a seat has none.
     drop(seat);
     let mut steps: Vec<(&'static Phase, &'static str)> = Vec::new();
     let (program, costs) = request.fidelity.on_all(&specs, seats, |machines| {
-        let mut frame = || {
+        let mut frame = |input: &mut ShadowInput| {
             steps.clear();
             machines.frame();
-            run_program(&request.algorithm, &prepared.input, progress, |phase, step, arena| {
+            run_program(&request.algorithm, input, progress, |phase, step, arena| {
                 steps.push((phase, step.name()));
                 let host = (request.host.simd, 1);
                 let is_wanted = with_tasks(step, arena, host, progress, |tasks| machines.run(tasks))?;
@@ -164,9 +164,9 @@ pub(crate) fn run_on_machines(
             })
         };
         for _ in 0..request.warm_frames {
-            frame()?;
+            frame(&mut prepared.input.clone())?;
         }
-        frame()
+        frame(&mut prepared.input)
     });
     let costs = costs.into_iter().map(|costs| costs.map_err(refused)).collect::<Vec<_>>();
     if costs.iter().all(Result::is_err) {
@@ -265,7 +265,7 @@ impl<'a> Finished<'a> {
         assert!(wrong.is_none(), "`{}` leaves a visibility of {wrong:?}", request.algorithm);
         let Prepared { input, cosine, .. } = prepared;
         let frame = Frame::new(request.scene.image, &input.receiver_pixel, cosine, visibility);
-        Finished { program, receivers: input.receivers.len(), frame, warnings, judged: None }
+        Finished { program, receivers: input.receiver_pixel.len(), frame, warnings, judged: None }
     }
 
     /// Judges the picture, where that is asked for: by the host, untimed.
@@ -342,7 +342,7 @@ struct Program {
 /// Runs the program of a frame in an arena of its own, its steps by `run_step`.
 fn run_program(
     algorithm: &Algorithm,
-    input: &ShadowInput,
+    input: &mut ShadowInput,
     progress: &dyn Progress,
     mut run_step: impl FnMut(&'static Phase, &Step, &mut Arena) -> Result<(), BadInput>,
 ) -> Result<Program, BadInput> {

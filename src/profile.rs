@@ -1,8 +1,11 @@
-//! Where host time goes: the stages of a run, by what it tells of its progress.
+//! Where host time goes: the stages of a run, by what it tells of its progress, and the kinds of work in its steps.
 
-use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::{Arc, Mutex};
+use std::thread::JoinHandle;
 use std::time::Duration;
 
+use lrbsim_machine::work::{Watched, Work};
 use lrbsim_reports::sheet::{Cell, Sheet};
 
 use crate::host::{CpuWatch, Stopwatch, peak_rss_bytes};
@@ -144,10 +147,83 @@ pub fn sheet(stages: &[Stage]) -> Sheet {
     Sheet { columns, rows }
 }
 
+/// Time between two looks at what host threads are doing.
+const PERIOD: Duration = Duration::from_micros(500);
+
+/// A thread that looks at what the others are doing.
+pub struct Watch {
+    is_over: Arc<AtomicBool>,
+    looker: JoinHandle<[Duration; Work::COUNT]>,
+}
+
+impl Watch {
+    /// Begins to look.
+    ///
+    /// # Errors
+    /// If the host gives no thread.
+    pub fn start() -> std::io::Result<Watch> {
+        let is_over = Arc::new(AtomicBool::new(false));
+        let until = Arc::clone(&is_over);
+        let looker = std::thread::Builder::new().name("profile".to_owned()).spawn(move || look(&until))?;
+        Ok(Watch { is_over, looker })
+    }
+
+    /// Ends it: the time that host threads spent on each kind of work, all together, in the order of [`Work::ALL`].
+    pub fn finish(self) -> [Duration; Work::COUNT] {
+        self.is_over.store(true, Relaxed);
+        self.looker.join().expect("who only looks does not panic")
+    }
+}
+
+fn look(is_over: &AtomicBool) -> [Duration; Work::COUNT] {
+    let mut spent = [Duration::ZERO; Work::COUNT];
+    let watched = Watched::begin();
+    let mut watch = Stopwatch::start();
+    while !is_over.load(Relaxed) {
+        std::thread::sleep(PERIOD);
+        let since = watch.elapsed();
+        watch = Stopwatch::start();
+        for work in watched.now() {
+            spent[work as usize] += since;
+        }
+    }
+    spent
+}
+
+/// A table for people of what host threads did in steps, all together; works that none did are left out.
+pub fn work_sheet(spent: &[Duration; Work::COUNT]) -> Sheet {
+    let all: Duration = spent.iter().sum();
+    let row = |(work, spent): (Work, &Duration)| {
+        let share = 100.0 * spent.as_secs_f64() / all.as_secs_f64().max(1e-9);
+        vec![
+            Cell::Text(work.title().to_owned()),
+            Cell::Text(format!("{:.3}", spent.as_secs_f64())),
+            Cell::Text(format!("{share:.1} %")),
+        ]
+    };
+    let rows = Work::ALL.into_iter().zip(spent).filter(|(_, spent)| !spent.is_zero()).map(row).collect();
+    Sheet { columns: ["of that, in steps", "s of all threads", "share"].map(str::to_owned).into(), rows }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::progress::Quiet;
+    use lrbsim_machine::work::doing;
+
+    #[test]
+    fn time_goes_to_what_threads_are_doing() {
+        let watch = Watch::start().expect("a thread");
+        // Until the looker has begun, nobody says what it is doing.
+        let long = Duration::from_millis(60);
+        std::thread::sleep(long);
+        {
+            let _work = doing(Work::Issue);
+            std::thread::sleep(long);
+        }
+        let spent = watch.finish();
+        assert!(spent[Work::Issue as usize] >= long / 2, "{spent:?}");
+    }
 
     #[test]
     fn stages_come_in_order_and_their_turns_are_added() {
@@ -163,6 +239,13 @@ mod tests {
         assert_eq!(names, ["scene", "eye view", "binning", BETWEEN_STEPS, "output"]);
         let sheet = sheet(&stages);
         assert_eq!(sheet.rows.len(), 6);
+        let mut spent = [Duration::ZERO; Work::COUNT];
+        spent[Work::Uncore as usize] = Duration::from_millis(250);
+        spent[Work::Issue as usize] = Duration::from_millis(750);
+        let works = work_sheet(&spent);
+        let shown = |row: &Vec<Cell>| row.iter().map(Cell::shown).collect::<Vec<_>>();
+        assert_eq!(works.rows.len(), 2, "nobody did anything else");
+        assert_eq!(shown(&works.rows[1]), ["uncore", "0.250", "25.0 %"]);
         let last = sheet.rows[5].iter().map(Cell::shown).collect::<Vec<_>>();
         assert_eq!((last[0].as_str(), last[3].as_str()), ("all", "100.0 %"));
     }

@@ -222,6 +222,24 @@ fn a_what_if_does_not_replace_the_baseline() {
 }
 
 #[test]
+fn a_profile_tells_stages_and_kinds_of_work_apart() {
+    let folder = Folder::new();
+    let timed =
+        folder.run(&["run", "saloon-small", "--size", "160x120", "--profile", "-o", "a"]).ok().stdout();
+    for row in ["eye view", "soft shadow kernel", "emission", "issue, and hits", "private caches", "uncore"] {
+        assert!(timed.contains(row), "`{row}` is not in {timed}");
+    }
+    assert!(!timed.contains("function:"), "all kernels are recorded: {timed}");
+    let untimed = ["run", "saloon-small", "--profile", "--fidelity", "functional", "-o", "b"];
+    let untimed = folder.run(&untimed).ok().stdout();
+    assert!(untimed.contains("function:") && !untimed.contains("uncore"), "{untimed}");
+    // A profile changes no result.
+    folder.run(&["run", "saloon-small", "--size", "160x120", "-o", "c"]).ok();
+    let report = |of: &str| std::fs::read(folder.path(of)).expect("it was written");
+    assert!(report("a/report.json") == report("c/report.json"));
+}
+
+#[test]
 fn results_of_other_inputs_are_not_replaced_without_a_word() {
     let folder = Folder::new();
     let corners = "v -1 0 -1\nv 1 0 -1\nv 0 0 1\nv 0 1 0\n";

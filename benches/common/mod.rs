@@ -183,7 +183,8 @@ pub fn measure(
         Ok(())
     };
     // Stopped after the phase, unless it is the last.
-    let _ = sism::run(input, sism::Overlap::Sum, &mut Runner::new(&mut Arena::new(), &mut run_step));
+    let _ =
+        sism::run(&mut input.clone(), sism::Overlap::Sum, &mut Runner::new(&mut Arena::new(), &mut run_step));
     if has_phase {
         return Ok(cost);
     }

@@ -34,7 +34,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         Ok(())
     };
     let mut arena = Arena::new();
-    let arrays = sism::run(&input, sism::Overlap::Sum, &mut Runner::new(&mut arena, &mut run_step))?;
+    let arrays =
+        sism::run(&mut input.clone(), sism::Overlap::Sum, &mut Runner::new(&mut arena, &mut run_step))?;
     for (phase, tasks, counts, seconds) in &phases {
         let of = |class: Class| counts.class_counts[class as usize];
         println!(

@@ -29,14 +29,15 @@ pub trait Method: Sync {
         None
     }
 
-    /// The program of one frame: copies `input` into the arena of `runner`, untimed, and hands over its steps.
+    /// The program of one frame: moves `input` into the arena of `runner`, untimed, and hands over its steps. Of `input` the receivers may be
+    /// gone then but for their pixels: of large pictures the host has no room for two of each.
     ///
     /// # Errors
     /// [`Stopped`] where the runner stops the program.
     fn run(
         &self,
         options: &Options,
-        input: &ShadowInput,
+        input: &mut ShadowInput,
         runner: &mut Runner<'_>,
     ) -> Result<Shadows, Stopped>;
 }

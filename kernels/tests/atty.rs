@@ -394,7 +394,7 @@ fn warnings(options: &str, input: &ShadowInput) -> Vec<String> {
         Ok(())
     };
     let mut runner = Runner::new(&mut arena, &mut run);
-    Atty.run(&options, input, &mut runner).expect("nothing stops it");
+    Atty.run(&options, &mut input.clone(), &mut runner).expect("nothing stops it");
     runner.warnings
 }
 

@@ -695,7 +695,7 @@ fn channels_of_random_scenes_are_those_of_a_dumb_model() {
             run_step(step, arena, on());
             Ok(())
         };
-        let samples = heidrich::draw(&options, &input, &mut Runner::new(&mut arena, &mut run))
+        let samples = heidrich::draw(&options, &mut input.clone(), &mut Runner::new(&mut arena, &mut run))
             .expect("nothing stops it");
         for [i, j] in [[0, 1], [1, 0]] {
             let [own, other]: [&Sample; 2] = [&samples[i], &samples[j]];

@@ -23,8 +23,8 @@ fn map(input: &ShadowInput, size: u32) -> (DepthMap, Arena) {
         run_step(step, arena, on());
         Ok(())
     };
-    let map =
-        DepthMap::draw(input, size, 2, &mut Runner::new(&mut arena, &mut run)).expect("nothing stops it");
+    let map = DepthMap::draw(&mut input.clone(), size, 2, &mut Runner::new(&mut arena, &mut run))
+        .expect("nothing stops it");
     (map, arena)
 }
 

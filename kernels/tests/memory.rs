@@ -86,8 +86,9 @@ fn frame(
         Ok(())
     };
     let options = method.entry().options(options).expect("the method takes these");
-    let shadows =
-        method.run(&options, input, &mut Runner::new(&mut arena, &mut run)).expect("nothing stops it");
+    let shadows = method
+        .run(&options, &mut input.clone(), &mut Runner::new(&mut arena, &mut run))
+        .expect("nothing stops it");
     (steps, shadows.visibility.into_iter().map(f32::to_bits).collect())
 }
 

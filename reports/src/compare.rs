@@ -327,6 +327,15 @@ pub fn render(comparison: &Comparison) -> String {
             text.push_str(&phase_sheet(comparison, total).terminal());
             text.push('\n');
             text.push_str(&cause_sheet(comparison, total).terminal());
+            if let Some(Difference { a, b, .. }) =
+                comparison.inputs.iter().find(|input| input.path == "fidelity")
+            {
+                let [a, b] = [a, b].map(show_value);
+                let _ = writeln!(
+                    text,
+                    "\nThese are times of two models, `{a}` and `{b}`: what changed may be the model alone."
+                );
+            }
         }
     }
     let _ = match &comparison.picture {

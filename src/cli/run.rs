@@ -6,7 +6,7 @@ use std::str::FromStr;
 
 use clap::Args;
 use lrbsim::choices;
-use lrbsim::profile::{self, Profiler};
+use lrbsim::profile::{self, Profiler, Watch};
 use lrbsim::progress::Progress;
 use lrbsim::reference::{DEFAULT_CACHE, parse_samples};
 use lrbsim::written::replaced_run;
@@ -101,7 +101,7 @@ pub(crate) struct RunArgs {
     #[arg(long)]
     dump: bool,
 
-    /// Tell where the time of the host went, stage by stage.
+    /// Tell where the time of the host went, stage by stage, and in the steps by kind of work: kernels, issue, caches, uncore.
     #[arg(long, conflicts_with_all = ["frames", "json"])]
     profile: bool,
 
@@ -152,7 +152,10 @@ pub(crate) fn run(args: &RunArgs, out: &mut impl Write) -> Result<(), Failure> {
     if let Some(frames) = args.frames {
         return run_moving(&request, frames, (&target, dir), &bar, args.json, out);
     }
+    let watch = args.profile.then(Watch::start).transpose();
+    let watch = watch.map_err(|error| BadInput::new(format!("the host gives no thread: {error}")))?;
     let output = run_frame(&request, progress)?;
+    let spent = watch.map(Watch::finish);
     progress.part("output");
     bar.finish();
 
@@ -172,6 +175,9 @@ pub(crate) fn run(args: &RunArgs, out: &mut impl Write) -> Result<(), Failure> {
     )?;
     if let Some(stages) = stages {
         writeln!(out, "\n{}", profile::sheet(&stages).terminal())?;
+    }
+    if let Some(spent) = spent {
+        writeln!(out, "{}", profile::work_sheet(&spent).terminal())?;
     }
     if let (Some(seconds), Some(found)) = (output.host.reference_seconds, output.host.reference_found) {
         let how = if found { "found in the cache, where it once took" } else { "cast in" };

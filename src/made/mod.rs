@@ -46,7 +46,7 @@ pub(crate) fn draw(
         run_functional(step, arena, host.simd, host.threads);
         Ok(())
     };
-    let shadows = algorithm.run(input, &mut Runner::new(&mut arena, &mut run_step));
+    let shadows = algorithm.run(&mut input.clone(), &mut Runner::new(&mut arena, &mut run_step));
     arena.check().map_err(no_memory)?;
     shadows.map_err(|stopped| BadInput::new(stopped.to_string()))
 }

@@ -43,7 +43,7 @@ impl Method for Toy {
     fn run(
         &self,
         options: &Options,
-        input: &ShadowInput,
+        input: &mut ShadowInput,
         runner: &mut Runner<'_>,
     ) -> Result<Shadows, Stopped> {
         // What the host may do untimed: copy the input, allocate, read totals between steps.

@@ -131,14 +131,14 @@ impl Method for Heidrich {
     fn run(
         &self,
         options: &Options,
-        input: &ShadowInput,
+        input: &mut ShadowInput,
         runner: &mut Runner<'_>,
     ) -> Result<Shadows, Stopped> {
         let visibility = runner.arena.overwritten(u64::from(input.width * input.height));
         let samples = draw(options, input, runner)?;
 
         runner.phase(&LOOK);
-        let known = Known::new(runner.arena, input.receivers.len() as u64);
+        let known = Known::new(runner.arena, input.receiver_pixel.len() as u64);
         let is_closed = is_closed(input);
         let segments = segments(samples.len(), is_closed).count() as u32;
         // Around a triangle the first sample is the last one too.
@@ -162,7 +162,11 @@ impl Method for Heidrich {
 }
 
 /// Draws the maps of all samples of the light, and their channels.
-pub fn draw(options: &Options, input: &ShadowInput, runner: &mut Runner<'_>) -> Result<Vec<Sample>, Stopped> {
+pub fn draw(
+    options: &Options,
+    input: &mut ShadowInput,
+    runner: &mut Runner<'_>,
+) -> Result<Vec<Sample>, Stopped> {
     let frame = Frame {
         scene: Scene::uncut(input, runner.arena),
         receivers: Receivers::new(input, runner.arena),

@@ -34,19 +34,22 @@ impl Receivers {
     /// Receivers of a task: neighbors in the picture, along the curve.
     pub const TASK: u32 = 1024;
 
-    /// Copies the receivers of a frame into the arena, untimed: that is work of the eye view.
-    pub fn new(input: &ShadowInput, arena: &mut Arena) -> Receivers {
+    /// Moves the receivers of a frame into the arena, untimed: that is work of the eye view. Only their pixels stay with `input`.
+    pub fn new(input: &mut ShadowInput, arena: &mut Arena) -> Receivers {
         let order = curve_order(input);
-        let count = count_of(&input.receivers);
+        let (places, triangles) =
+            (core::mem::take(&mut input.receivers), core::mem::take(&mut input.receiver_triangle));
+        let count = count_of(&places);
         let columns: Columns<Receiver> = Columns::overwritten(arena, count);
-        for axis in 0..3 {
-            let values = order.iter().map(|&i| input.receivers[i as usize][axis].to_bits());
+        for axis in [0, 1, 2] {
+            let values = order.iter().map(|&i| places[i as usize][axis].to_bits());
             fill(arena, columns.column(field!(Receiver.position[axis])), values);
         }
+        drop(places);
         let mut put = |field: Field<Receiver, u32>, values: &[u32]| {
             fill(arena, columns.column(field), order.iter().map(|&i| values[i as usize]));
         };
-        put(field!(Receiver.triangle), &input.receiver_triangle);
+        put(field!(Receiver.triangle), &triangles);
         put(field!(Receiver.pixel), &input.receiver_pixel);
         Receivers { viewpoint: Viewpoint::default(), columns, count }
     }

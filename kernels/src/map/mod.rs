@@ -64,7 +64,7 @@ impl DepthMap {
     /// Draws the map of a frame: `size` texels a side, a power of two from 128 on, of which `margin` on every side lie outside of
     /// the bounds of all receivers.
     pub fn draw(
-        input: &ShadowInput,
+        input: &mut ShadowInput,
         size: u32,
         margin: u32,
         runner: &mut Runner<'_>,

@@ -56,7 +56,7 @@ impl Method for ShadowMap {
     fn run(
         &self,
         options: &Options,
-        input: &ShadowInput,
+        input: &mut ShadowInput,
         runner: &mut Runner<'_>,
     ) -> Result<Shadows, Stopped> {
         let visibility = runner.arena.overwritten(u64::from(input.width * input.height));

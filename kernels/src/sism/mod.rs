@@ -199,15 +199,16 @@ impl Method for Sism {
     fn run(
         &self,
         options: &Options,
-        input: &ShadowInput,
+        input: &mut ShadowInput,
         runner: &mut Runner<'_>,
     ) -> Result<Shadows, Stopped> {
         let choices = Choices::of(options);
         let visibility = runner.arena.overwritten(u64::from(input.width * input.height));
         let first = runner.arena.used_bytes();
         let mut silhouette_edges = None;
-        let of = 1 + input.others.len() as u32;
-        for (number, light) in (0..).zip(core::iter::once(input).chain(&input.others)) {
+        let mut others = core::mem::take(&mut input.others);
+        let of = 1 + others.len() as u32;
+        for (number, light) in (0..).zip(core::iter::once(&mut *input).chain(&mut others)) {
             // Each where the one before was: nothing but the picture outlives its light.
             runner.arena.give_back(first);
             let picture = Picture { visibility, number, of };
@@ -241,7 +242,7 @@ impl Method for Hard {
     fn run(
         &self,
         _options: &Options,
-        input: &ShadowInput,
+        input: &mut ShadowInput,
         runner: &mut Runner<'_>,
     ) -> Result<Shadows, Stopped> {
         let visibility = runner.arena.overwritten(u64::from(input.width * input.height));
@@ -386,9 +387,9 @@ pub struct Picture {
     pub of: u32,
 }
 
-/// The program of one frame with one light.
+/// The program of one frame with one light, which takes the receivers of `input` along.
 pub fn run(
-    input: &ShadowInput,
+    input: &mut ShadowInput,
     choices: impl Into<Choices>,
     runner: &mut Runner<'_>,
 ) -> Result<Arrays, Stopped> {
@@ -399,11 +400,11 @@ pub fn run(
     run_light(input, scene, light, choices, Picture { visibility, number: 0, of: 1 }, runner)
 }
 
-/// The program of one light, whose geometry is in the arena. Copies the rest of the input there, untimed; all else are its steps.
+/// The program of one light, whose geometry is in the arena. Moves the rest of the input there, untimed; all else are its steps.
 ///
 /// A point light has neither silhouettes nor a soft phase.
 fn run_light(
-    input: &ShadowInput,
+    input: &mut ShadowInput,
     scene: Scene,
     light: LightConstants,
     choices: Choices,

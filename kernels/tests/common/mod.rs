@@ -117,11 +117,11 @@ impl Run {
             steps.insert(step.name(), figures);
             Ok(())
         };
-        let mut arrays =
-            sism::run(input, choices, &mut Runner::new(&mut arena, &mut run_step)).expect("nothing stops it");
+        let mut arrays = sism::run(&mut input.clone(), choices, &mut Runner::new(&mut arena, &mut run_step))
+            .expect("nothing stops it");
         let visibility = arrays.visibility(input, &arena);
         // Their places have been discarded: once more, for whoever compares the run with something dumb.
-        arrays.grid.receivers = Receivers::new(input, &mut arena);
+        arrays.grid.receivers = Receivers::new(&mut input.clone(), &mut arena);
         Run { arena, arrays, steps, phases, visibility }
     }
 
@@ -680,7 +680,7 @@ pub fn draw(method: &dyn Method, options: &str, input: &ShadowInput, on: On) -> 
     };
     let options = method.entry().options(options).expect("the method takes these");
     let mut arena = Arena::new();
-    let shadows = method.run(&options, input, &mut Runner::new(&mut arena, &mut run_step));
+    let shadows = method.run(&options, &mut input.clone(), &mut Runner::new(&mut arena, &mut run_step));
     let visibility = shadows.expect("nothing stops it").visibility;
     assert_eq!(visibility.len(), input.receivers.len());
     assert!(visibility.iter().all(|x| (0.0..=1.0).contains(x)), "a visibility outside [0, 1]");

@@ -33,6 +33,7 @@ mod scheduler;
 mod tape;
 pub mod timing;
 mod when;
+pub mod work;
 
 #[cfg(test)]
 mod laws;

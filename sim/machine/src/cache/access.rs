@@ -9,6 +9,7 @@ use crate::config::MachineSpec;
 use crate::counters::Cause;
 use crate::exchange::Claim;
 use crate::when::When;
+use crate::work::{Work, doing};
 
 /// What the path of an access asks of the machine.
 #[derive(Debug, Clone)]
@@ -127,6 +128,7 @@ impl CoreCaches {
             self.l1_counters.hits += 1;
             return Ok(hit(rules, now));
         }
+        let _work = doing(Work::PrivateCaches);
         self.translate(rules, line, now)?;
         // Nobody has looked for it while its address was not translated.
         let l1_slot = if rules.translates { self.l1.find(line) } else { l1_slot };

@@ -10,6 +10,7 @@ use super::{Parts, Stuck};
 use crate::Cycle;
 use crate::exchange::Message;
 use crate::observer::Observer;
+use crate::work::{Work, doing};
 
 /// Runs a step that begins at `start`, whose threads have asked for their first tasks.
 pub(super) fn run<O: Observer>(parts: &mut Parts<'_, '_, O>, start: Cycle) -> Result<(), Stuck> {
@@ -29,13 +30,18 @@ pub(super) fn run<O: Observer>(parts: &mut Parts<'_, '_, O>, start: Cycle) -> Re
         next = now + 1;
 
         let Parts { cores, tables, uncore, .. } = parts;
-        uncore.run_until(now, &mut AsPeers { cores, tables });
+        {
+            let _work = doing(Work::Uncore);
+            uncore.run_until(now, &mut AsPeers { cores, tables });
+        }
+        let _work = doing(Work::Issue);
         cores.each_active(|core| core.run_cycle(tables, now));
     }
 }
 
 /// Hands the requests and pulls of all cores to the uncore, which answers for the cycle `next` at the earliest.
 fn leave<O: Observer>(parts: &mut Parts<'_, '_, O>, next: Cycle) {
+    let _work = doing(Work::Uncore);
     for index in 0..parts.cores.active() {
         let core = parts.cores.core(index);
         for request in core.shared.caches.outbox.drain(..) {

@@ -8,6 +8,7 @@ use super::cores::{Cores, Slot};
 use super::step::{StepTasks, Tally};
 use crate::Cycle;
 use crate::core::CoreTables;
+use crate::work::{Work, doing};
 use crossbeam_utils::CachePadded;
 use lrbsim_isa::program::TaskSource;
 use lrbsim_isa::stream::Stream;
@@ -48,6 +49,7 @@ pub(super) struct Alone;
 
 impl Hands for Alone {
     fn run_window(&mut self, cores: &mut Cores, tables: &CoreTables, start: Cycle, end: Cycle) {
+        let _work = doing(Work::Issue);
         cores.each_active(|core| core.run_window(tables, start, end));
     }
 
@@ -174,6 +176,7 @@ impl<'a> Crew<'a> {
     /// What host thread `number` does, from 1 on, until the crew is dismissed.
     pub(super) fn work(&self, number: usize) {
         let _told = TellOfFailure(&self.failed);
+        let _work = doing(Work::Waiting);
         let mut word = Job::None.to_word();
         loop {
             let seen = word;
@@ -202,6 +205,7 @@ impl<'a> Crew<'a> {
         if cores.peek().is_none() {
             return;
         }
+        let _work = doing(Work::Issue);
         let mut done = 0;
         let slots = self.slots.read().unwrap_or_else(PoisonError::into_inner);
         for core in cores {
@@ -243,6 +247,7 @@ impl<'a> Crew<'a> {
 
     /// Waits until `count` cores are run or tasks recorded; returns how often it gave its processor away meanwhile.
     fn wait_for(&self, count: usize) -> u32 {
+        let _work = doing(Work::Waiting);
         wait_until(|| {
             assert!(!self.failed.load(Ordering::Relaxed), "a host thread of the chip has failed");
             self.done.load(Ordering::Acquire) == count

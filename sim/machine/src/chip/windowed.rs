@@ -13,6 +13,7 @@ use crate::Cycle;
 use crate::cache::WINDOW_MAX;
 use crate::exchange::Message;
 use crate::observer::Observer;
+use crate::work::{Work, doing};
 
 /// Runs a step that begins at `start`, whose threads have asked for their first tasks.
 pub(super) fn run<O: Observer>(parts: &mut Parts<'_, '_, O>, start: Cycle) -> Result<(), Stuck> {
@@ -41,6 +42,7 @@ pub(super) fn run<O: Observer>(parts: &mut Parts<'_, '_, O>, start: Cycle) -> Re
 
 /// Serves what the cores asked for in the window from `base` to `end`.
 fn serve<O: Observer>(parts: &mut Parts<'_, '_, O>, base: Cycle, end: Cycle) {
+    let _work = doing(Work::Uncore);
     let Parts { observer, cores, tables, uncore, step, hands, order, pulls } = parts;
     // In the order of time, core and number.
     for index in 0..cores.active() {
