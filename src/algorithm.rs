@@ -75,7 +75,8 @@ impl Algorithm {
         self.method.lights(&self.options)
     }
 
-    /// Runs the program of one frame, which takes the receivers of `input` along but for their pixels.
+    /// Runs the program of one frame, see [`Method::run`]: the receivers of `input` are gone then but for their pixels, and so may its
+    /// other lights be.
     pub fn run(&self, input: &mut ShadowInput, runner: &mut Runner<'_>) -> Result<Shadows, Stopped> {
         self.method.run(&self.options, input, runner)
     }

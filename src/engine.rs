@@ -43,8 +43,10 @@ impl Engine {
         progress: &dyn Progress,
     ) -> Result<StepReport, BadInput> {
         let Engine { timing, simd, host_threads } = self;
-        let report =
-            with_tasks(step, arena, (*simd, *host_threads), progress, |tasks| timing.run_step(tasks))?;
+        let report = with_tasks(step, arena, (*simd, *host_threads), progress, |tasks| {
+            let _work = doing(Work::Other);
+            timing.run_step(tasks)
+        })?;
         report.map_err(|stuck| BadInput::new(format!("step `{}`: {stuck}", step.name())))
     }
 }

@@ -96,12 +96,12 @@ fn subjects(quick: bool) -> Vec<Subject> {
         threads: Threads::Spread(24),
         extent: Extent::Onward { warm_lines: 64, lines },
     };
-    let laps = Stream {
+    let laps = |lines| Stream {
         store: Store::InPlace,
         prefetch: Prefetch::No,
         arrays: Arrays::Split { bytes: 0 },
         threads: Threads::Spread(96),
-        extent: Extent::Laps { lines: 48, laps: if quick { 64 } else { 128 } },
+        extent: Extent::Laps { lines, laps: if quick { 64 } else { 128 } },
         ..triad
     };
     let scenes = if quick { &QUICK[..] } else { &SCENES[..] };
@@ -115,7 +115,12 @@ fn subjects(quick: bool) -> Vec<Subject> {
     subjects.push(Subject::Micro(
         "laps",
         "Two arrays read and one of them written, in three quarters of the L1, by four threads a core",
-        Bench::Stream(laps),
+        Bench::Stream(laps(48)),
+    ));
+    subjects.push(Subject::Micro(
+        "full-laps",
+        "The same in all of the L1, to the last line",
+        Bench::Stream(laps(64)),
     ));
     subjects
 }
@@ -246,6 +251,9 @@ pub fn run_fidelity(request: &FidelityRequest, progress: &dyn Progress) -> Resul
     };
     let host = FidelitySeconds {
         schema_version: PRICES_SCHEMA_VERSION,
+        errors: errors.sha256(),
+        subjects: errors.subjects.iter().map(|subject| subject.name.clone()).collect(),
+        levels: levels.iter().map(Fidelity::to_string).collect(),
         host_threads: u32::try_from(request.host.threads).unwrap_or(u32::MAX),
         seconds,
     };
@@ -258,10 +266,13 @@ pub fn run_fidelity(request: &FidelityRequest, progress: &dyn Progress) -> Resul
 /// If there are no seconds, or not those of these errors.
 pub fn beside(folder: &Path, errors: FidelityReport) -> Result<PriceList, BadInput> {
     let path = folder.join(PRICES_FILE);
-    let host = json::read(&path.display().to_string(), &json::text(&path)?)?;
+    let both = format!("`lrbsim study {NAME}` makes both");
+    let host = json::text(&path)
+        .and_then(|text| json::read(&path.display().to_string(), &text))
+        .map_err(|bad| bad.with_help(format!("{both} `{FILE}` and `{PRICES_FILE}`")))?;
     PriceList::new(errors, host).ok_or_else(|| {
         BadInput::new(format!("`{}` is of another study than the `{FILE}` beside it", path.display()))
-            .with_help(format!("`lrbsim study {NAME}` makes both"))
+            .with_help(both)
     })
 }
 

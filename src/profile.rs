@@ -150,34 +150,41 @@ pub fn sheet(stages: &[Stage]) -> Sheet {
 /// Time between two looks at what host threads are doing.
 const PERIOD: Duration = Duration::from_micros(500);
 
-/// A thread that looks at what the others are doing.
-pub struct Watch {
+/// A thread that looks at what the others are doing, until it is told to end or nobody waits for what it sees.
+pub struct Looker {
     is_over: Arc<AtomicBool>,
-    looker: JoinHandle<[Duration; Work::COUNT]>,
+    thread: Option<JoinHandle<[Duration; Work::COUNT]>>,
 }
 
-impl Watch {
+impl Looker {
     /// Begins to look.
     ///
     /// # Errors
     /// If the host gives no thread.
-    pub fn start() -> std::io::Result<Watch> {
+    pub fn start() -> std::io::Result<Looker> {
         let is_over = Arc::new(AtomicBool::new(false));
-        let until = Arc::clone(&is_over);
-        let looker = std::thread::Builder::new().name("profile".to_owned()).spawn(move || look(&until))?;
-        Ok(Watch { is_over, looker })
+        let (until, watched) = (Arc::clone(&is_over), Watched::begin());
+        let thread =
+            std::thread::Builder::new().name("profile".to_owned()).spawn(move || look(&until, &watched))?;
+        Ok(Looker { is_over, thread: Some(thread) })
     }
 
     /// Ends it: the time that host threads spent on each kind of work, all together, in the order of [`Work::ALL`].
-    pub fn finish(self) -> [Duration; Work::COUNT] {
+    pub fn finish(mut self) -> [Duration; Work::COUNT] {
         self.is_over.store(true, Relaxed);
-        self.looker.join().expect("who only looks does not panic")
+        let thread = self.thread.take().expect("it ends once");
+        thread.join().expect("who only looks does not panic")
     }
 }
 
-fn look(is_over: &AtomicBool) -> [Duration; Work::COUNT] {
+impl Drop for Looker {
+    fn drop(&mut self) {
+        self.is_over.store(true, Relaxed);
+    }
+}
+
+fn look(is_over: &AtomicBool, watched: &Watched) -> [Duration; Work::COUNT] {
     let mut spent = [Duration::ZERO; Work::COUNT];
-    let watched = Watched::begin();
     let mut watch = Stopwatch::start();
     while !is_over.load(Relaxed) {
         std::thread::sleep(PERIOD);
@@ -190,19 +197,24 @@ fn look(is_over: &AtomicBool) -> [Duration; Work::COUNT] {
     spent
 }
 
-/// A table for people of what host threads did in steps, all together; works that none did are left out.
-pub fn work_sheet(spent: &[Duration; Work::COUNT]) -> Sheet {
+/// A table for people of what host threads did in steps, all together; works that none did are left out. `None` where nothing was seen.
+///
+/// A thread that waits for a processor of the host counts as one that works.
+pub fn work_sheet(spent: &[Duration; Work::COUNT]) -> Option<Sheet> {
     let all: Duration = spent.iter().sum();
-    let row = |(work, spent): (Work, &Duration)| {
-        let share = 100.0 * spent.as_secs_f64() / all.as_secs_f64().max(1e-9);
+    let row = |title: &str, spent: Duration| {
+        let share = 100.0 * spent.as_secs_f64() / all.as_secs_f64();
         vec![
-            Cell::Text(work.title().to_owned()),
+            Cell::Text(title.to_owned()),
             Cell::Text(format!("{:.3}", spent.as_secs_f64())),
             Cell::Text(format!("{share:.1} %")),
         ]
     };
-    let rows = Work::ALL.into_iter().zip(spent).filter(|(_, spent)| !spent.is_zero()).map(row).collect();
-    Sheet { columns: ["of that, in steps", "s of all threads", "share"].map(str::to_owned).into(), rows }
+    let done = Work::ALL.into_iter().zip(spent).filter(|(_, spent)| !spent.is_zero());
+    let rows = done.map(|(work, spent)| row(work.title(), *spent));
+    let rows = rows.chain(std::iter::once(row("all", all))).collect();
+    let columns = ["of that, in steps", "s of all threads", "share"].map(str::to_owned).into();
+    (!all.is_zero()).then_some(Sheet { columns, rows })
 }
 
 #[cfg(test)]
@@ -213,16 +225,15 @@ mod tests {
 
     #[test]
     fn time_goes_to_what_threads_are_doing() {
-        let watch = Watch::start().expect("a thread");
-        // Until the looker has begun, nobody says what it is doing.
+        let looker = Looker::start().expect("a thread");
         let long = Duration::from_millis(60);
-        std::thread::sleep(long);
         {
-            let _work = doing(Work::Issue);
+            // A work that no test beside this one does.
+            let _work = doing(Work::Other);
             std::thread::sleep(long);
         }
-        let spent = watch.finish();
-        assert!(spent[Work::Issue as usize] >= long / 2, "{spent:?}");
+        let spent = looker.finish();
+        assert!(spent[Work::Other as usize] >= long / 2, "{spent:?}");
     }
 
     #[test]
@@ -239,14 +250,20 @@ mod tests {
         assert_eq!(names, ["scene", "eye view", "binning", BETWEEN_STEPS, "output"]);
         let sheet = sheet(&stages);
         assert_eq!(sheet.rows.len(), 6);
+        let last = sheet.rows[5].iter().map(Cell::shown).collect::<Vec<_>>();
+        assert_eq!((last[0].as_str(), last[3].as_str()), ("all", "100.0 %"));
+    }
+
+    #[test]
+    fn works_that_nobody_does_have_no_row() {
         let mut spent = [Duration::ZERO; Work::COUNT];
         spent[Work::Uncore as usize] = Duration::from_millis(250);
         spent[Work::Issue as usize] = Duration::from_millis(750);
-        let works = work_sheet(&spent);
+        let works = work_sheet(&spent).expect("something was done");
         let shown = |row: &Vec<Cell>| row.iter().map(Cell::shown).collect::<Vec<_>>();
-        assert_eq!(works.rows.len(), 2, "nobody did anything else");
+        assert_eq!(works.rows.len(), 3, "nobody did anything else");
         assert_eq!(shown(&works.rows[1]), ["uncore", "0.250", "25.0 %"]);
-        let last = sheet.rows[5].iter().map(Cell::shown).collect::<Vec<_>>();
-        assert_eq!((last[0].as_str(), last[3].as_str()), ("all", "100.0 %"));
+        assert_eq!(shown(&works.rows[2]), ["all", "1.000", "100.0 %"]);
+        assert_eq!(work_sheet(&[Duration::ZERO; Work::COUNT]), None);
     }
 }

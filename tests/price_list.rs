@@ -9,7 +9,7 @@ use lrbsim_reports::fidelity::FidelityReport;
 fn the_study_leaves_a_price_list_and_a_page_that_can_be_drawn_again() {
     let folder = Folder::new();
     let printed = folder.run(&["study", "fidelity", "--quick", "-o", "out"]).ok().stdout();
-    for part in ["The price list", "`windowed` is the default", "3 subjects, 0 failed"] {
+    for part in ["The price list", "`windowed` is the default", "4 subjects, 0 failed"] {
         assert!(printed.contains(part), "`{part}` is not in {printed}");
     }
     let files = [
@@ -26,7 +26,7 @@ fn the_study_leaves_a_price_list_and_a_page_that_can_be_drawn_again() {
     folder.run(&["compare", "out", "out"]).refused(&["no times to compare"]);
 
     let text = std::fs::read(folder.path("out/fidelity.json")).expect("readable");
-    let report: FidelityReport = serde_json::from_slice(&text).expect("its own JSON");
+    let mut report: FidelityReport = serde_json::from_slice(&text).expect("its own JSON");
     for subject in &report.subjects {
         let level = |name: &str| {
             let is_it = |level: &&lrbsim_reports::fidelity::FidelityLevel| level.level.starts_with(name);
@@ -41,6 +41,13 @@ fn the_study_leaves_a_price_list_and_a_page_that_can_be_drawn_again() {
         let sampled = level("sampled").error.expect("timed");
         assert!(sampled.abs() < 0.1, "{}: {sampled}", subject.name);
     }
+
+    // Seconds of other runs, and none.
+    report.subjects[0].instructions += 1;
+    std::fs::write(folder.path("out/fidelity.json"), report.to_json()).expect("a folder of the test");
+    folder.run(&["report", "out"]).refused(&["of another study", "`lrbsim study fidelity` makes both"]);
+    std::fs::remove_file(folder.path("out/prices.json")).expect("it was written");
+    folder.run(&["report", "out"]).refused(&["prices.json", "`lrbsim study fidelity` makes both"]);
 }
 
 #[test]

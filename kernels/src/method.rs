@@ -29,8 +29,8 @@ pub trait Method: Sync {
         None
     }
 
-    /// The program of one frame: moves `input` into the arena of `runner`, untimed, and hands over its steps. Of `input` the receivers may be
-    /// gone then but for their pixels: of large pictures the host has no room for two of each.
+    /// The program of one frame: puts `input` into the arena of `runner`, untimed, and hands over its steps. Of `input` the receivers are
+    /// gone then but for their pixels, and so may its other lights be: of large pictures the host has no room for two of each.
     ///
     /// # Errors
     /// [`Stopped`] where the runner stops the program.

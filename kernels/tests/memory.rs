@@ -8,6 +8,7 @@ use common::{On, light_for, options_with_small_map, run_step, shipped};
 use lrbsim_isa::arena::POISON;
 use lrbsim_isa::{Addr, Arena, HostSimd, Kernel, Phase, Runner, Step, StepSource, Stream, TaskSource, Vpu};
 use lrbsim_kernels::clear;
+use lrbsim_kernels::irregular::receivers::Receivers;
 use lrbsim_kernels::method::{METHODS, Method};
 use lrbsim_kernels::sism::Sism;
 use lrbsim_workloads::{Adjacency, ShadowInput};
@@ -115,4 +116,17 @@ fn what_nobody_wrote_changes_neither_picture_nor_figures() {
         }
         assert_eq!(picture.len(), input.receivers.len(), "{case}");
     }
+}
+
+#[test]
+#[should_panic(expected = "the receivers of a frame are moved once")]
+fn receivers_are_moved_and_their_pixels_stay() {
+    let (_, _, mut input) = shipped("tiny", Some((16, 12)));
+    let pixels = input.receiver_pixel.clone();
+    let mut arena = Arena::new();
+    let receivers = Receivers::new(&mut input, &mut arena);
+    assert_eq!(receivers.count as usize, pixels.len());
+    assert!(input.receivers.is_empty() && input.receiver_triangle.is_empty());
+    assert_eq!(input.receiver_pixel, pixels);
+    Receivers::new(&mut input, &mut arena);
 }

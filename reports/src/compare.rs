@@ -327,15 +327,6 @@ pub fn render(comparison: &Comparison) -> String {
             text.push_str(&phase_sheet(comparison, total).terminal());
             text.push('\n');
             text.push_str(&cause_sheet(comparison, total).terminal());
-            if let Some(Difference { a, b, .. }) =
-                comparison.inputs.iter().find(|input| input.path == "fidelity")
-            {
-                let [a, b] = [a, b].map(show_value);
-                let _ = writeln!(
-                    text,
-                    "\nThese are times of two models, `{a}` and `{b}`: what changed may be the model alone."
-                );
-            }
         }
     }
     let _ = match &comparison.picture {
@@ -357,6 +348,12 @@ pub fn render(comparison: &Comparison) -> String {
     if comparison.inputs.iter().any(|difference| difference.path.starts_with("program.")) {
         text.push_str(
             "\nThe programs differ: a part of the change may be theirs. Run both with one program to tell.\n",
+        );
+    }
+    if comparison.total.is_some() && comparison.inputs.iter().any(|difference| difference.path == "fidelity")
+    {
+        text.push_str(
+            "\nThe fidelities differ: a part of the change may be theirs. Run both at one fidelity to tell.\n",
         );
     }
     let rows = comparison.inputs.iter().map(|difference| {
@@ -524,6 +521,16 @@ mod tests {
         assert!(render(&comparison).contains("The programs differ"));
         let same = compare(&newer, &newer, PictureChange::Same);
         assert!(!render(&same).contains("The programs differ"));
+    }
+
+    #[test]
+    fn fidelities_that_differ_are_told() {
+        let mut cheaper = sample::timed();
+        cheaper.provenance.fidelity = "roofline".to_owned();
+        let comparison = compare(&sample::timed(), &cheaper, PictureChange::Same);
+        assert!(render(&comparison).contains("The fidelities differ"), "{}", render(&comparison));
+        let same = compare(&cheaper, &cheaper, PictureChange::Same);
+        assert!(!render(&same).contains("The fidelities differ"));
     }
 
     #[test]

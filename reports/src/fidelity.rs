@@ -4,6 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::analysis::{Finding, document, paragraphs};
+use crate::picture::sha256;
 use crate::plot::{Axis, Lines, Look, Plot, Series};
 use crate::sheet::{Cell, Sheet, short};
 
@@ -11,7 +12,7 @@ use crate::sheet::{Cell, Sheet, short};
 pub const FIDELITY_SCHEMA_VERSION: u32 = 2;
 
 /// Version of the layout of [`FidelitySeconds`].
-pub const PRICES_SCHEMA_VERSION: u32 = 1;
+pub const PRICES_SCHEMA_VERSION: u32 = 2;
 
 /// A phase counts from this share of the frame's time at the reference level on.
 pub const SHARE_MIN: f64 = 0.1;
@@ -68,9 +69,15 @@ pub struct FidelityLevel {
 pub struct FidelitySeconds {
     /// Version of this layout.
     pub schema_version: u32,
+    /// SHA-256 of the `fidelity.json` that came of the same runs.
+    pub errors: String,
     /// Host threads that ran it.
     pub host_threads: u32,
-    /// By subject and level, as `fidelity.json` has them, seconds of the host in the kernels and the model.
+    /// Names of the subjects.
+    pub subjects: Vec<String>,
+    /// The levels with their options, from the cheapest to the reference.
+    pub levels: Vec<String>,
+    /// By subject and level, seconds of the host in the kernels and the model.
     pub seconds: Vec<Vec<f64>>,
 }
 
@@ -99,6 +106,11 @@ impl FidelityReport {
     pub fn to_json(&self) -> String {
         serde_json::to_string_pretty(self).expect("a report has string keys and finite numbers") + "\n"
     }
+
+    /// SHA-256 of [`FidelityReport::to_json`], by which its seconds know it.
+    pub fn sha256(&self) -> String {
+        sha256(self.to_json().as_bytes())
+    }
 }
 
 impl FidelitySeconds {
@@ -109,11 +121,17 @@ impl FidelitySeconds {
 }
 
 impl PriceList {
-    /// Both, if there are seconds for each subject at each level.
+    /// Both, if they are of one study: its errors, by their hash, and a time for each subject at each of the levels, the same for all.
     pub fn new(errors: FidelityReport, host: FidelitySeconds) -> Option<PriceList> {
-        let levels = errors.subjects.iter().map(|subject| subject.levels.len());
-        let is_whole = levels.eq(host.seconds.iter().map(Vec::len));
-        is_whole.then_some(PriceList { errors, host })
+        let levels = |subject: &FidelitySubject| {
+            subject.levels.iter().map(|row| row.level.clone()).collect::<Vec<_>>()
+        };
+        let subjects = errors.subjects.iter().map(|subject| &subject.name).eq(&host.subjects);
+        let levels = errors.subjects.iter().all(|subject| levels(subject) == host.levels);
+        let seconds = host.seconds.len() == host.subjects.len()
+            && host.seconds.iter().all(|seconds| seconds.len() == host.levels.len());
+        let is_one = subjects && levels && seconds && host.errors == errors.sha256();
+        is_one.then_some(PriceList { errors, host })
     }
 
     /// The subjects, each with its seconds by level.
@@ -338,7 +356,10 @@ mod tests {
         };
         let host = FidelitySeconds {
             schema_version: PRICES_SCHEMA_VERSION,
+            errors: errors.sha256(),
             host_threads: 2,
+            subjects: ["palm", "fern"].map(str::to_owned).into(),
+            levels: ["functional", "windowed", "cycle"].map(str::to_owned).into(),
             seconds: vec![vec![0.1, 1.0, 8.0], vec![0.1, 4.0, 8.0]],
         };
         PriceList::new(errors, host).expect("seconds for each")
@@ -357,9 +378,27 @@ mod tests {
             said.contains("4 times as fast as `cycle`, and no phase that matters is off by more than 8 %"),
             "{said}"
         );
-        let mut host = report.host.clone();
-        host.seconds[1].pop();
-        assert_eq!(PriceList::new(report.errors.clone(), host), None, "seconds of another study");
         assert!(report.markdown().contains("| windowed | 4 | 3.200 | 4 | 8 |"), "{}", report.markdown());
+    }
+
+    #[test]
+    fn seconds_of_another_study_are_told_apart() {
+        let PriceList { errors, host } = list();
+        let is_list =
+            |errors: &FidelityReport, host: FidelitySeconds| PriceList::new(errors.clone(), host).is_some();
+        assert!(is_list(&errors, host.clone()));
+        let mut short = host.clone();
+        short.seconds[1].pop();
+        assert!(!is_list(&errors, short));
+        // A subject that lacks a level, with as few seconds.
+        let (mut ragged, mut short) = (errors.clone(), host.clone());
+        ragged.subjects[1].levels.pop();
+        short.seconds[1].pop();
+        short.errors = ragged.sha256();
+        assert!(!is_list(&ragged, short));
+        // Other errors of the same subjects at the same levels.
+        let mut other = errors.clone();
+        other.subjects[0].levels[1].error = Some(0.5);
+        assert!(!is_list(&other, host));
     }
 }

@@ -6,7 +6,7 @@ use std::str::FromStr;
 
 use clap::Args;
 use lrbsim::choices;
-use lrbsim::profile::{self, Profiler, Watch};
+use lrbsim::profile::{self, Looker, Profiler};
 use lrbsim::progress::Progress;
 use lrbsim::reference::{DEFAULT_CACHE, parse_samples};
 use lrbsim::written::replaced_run;
@@ -152,10 +152,10 @@ pub(crate) fn run(args: &RunArgs, out: &mut impl Write) -> Result<(), Failure> {
     if let Some(frames) = args.frames {
         return run_moving(&request, frames, (&target, dir), &bar, args.json, out);
     }
-    let watch = args.profile.then(Watch::start).transpose();
-    let watch = watch.map_err(|error| BadInput::new(format!("the host gives no thread: {error}")))?;
+    let looker = args.profile.then(Looker::start).transpose();
+    let looker = looker.map_err(|error| BadInput::new(format!("the host gives no thread: {error}")))?;
     let output = run_frame(&request, progress)?;
-    let spent = watch.map(Watch::finish);
+    let spent = looker.map(Looker::finish);
     progress.part("output");
     bar.finish();
 
@@ -176,8 +176,8 @@ pub(crate) fn run(args: &RunArgs, out: &mut impl Write) -> Result<(), Failure> {
     if let Some(stages) = stages {
         writeln!(out, "\n{}", profile::sheet(&stages).terminal())?;
     }
-    if let Some(spent) = spent {
-        writeln!(out, "{}", profile::work_sheet(&spent).terminal())?;
+    if let Some(works) = spent.and_then(|spent| profile::work_sheet(&spent)) {
+        writeln!(out, "{}", works.terminal())?;
     }
     if let (Some(seconds), Some(found)) = (output.host.reference_seconds, output.host.reference_found) {
         let how = if found { "found in the cache, where it once took" } else { "cast in" };

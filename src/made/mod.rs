@@ -38,7 +38,7 @@ pub(crate) fn scene(
 /// The picture of `input`, run functionally: nothing is timed.
 pub(crate) fn draw(
     algorithm: &Algorithm,
-    input: &ShadowInput,
+    mut input: ShadowInput,
     host: HostOptions,
 ) -> Result<Shadows, BadInput> {
     let mut arena = Arena::reserve().map_err(no_memory)?;
@@ -46,7 +46,7 @@ pub(crate) fn draw(
         run_functional(step, arena, host.simd, host.threads);
         Ok(())
     };
-    let shadows = algorithm.run(&mut input.clone(), &mut Runner::new(&mut arena, &mut run_step));
+    let shadows = algorithm.run(&mut input, &mut Runner::new(&mut arena, &mut run_step));
     arena.check().map_err(no_memory)?;
     shadows.map_err(|stopped| BadInput::new(stopped.to_string()))
 }

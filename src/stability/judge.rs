@@ -42,8 +42,8 @@ pub(super) fn judge(
     let eye = view(scene);
     let adjacency = Adjacency::new(&scene.mesh);
     let input = ShadowInput::new(scene, &adjacency, &eye);
-    let drawn = draw(algorithm, &input, host)?.visibility;
-    let Shadows { visibility: summed, silhouette_edges } = draw(sums, &input, host)?;
+    let drawn = draw(algorithm, input.clone(), host)?.visibility;
+    let Shadows { visibility: summed, silhouette_edges } = draw(sums, input.clone(), host)?;
     let no_part = |visibility: &[f32]| visibility.iter().filter(|part| !(0.0..=1.0).contains(*part)).count();
 
     // By brute force, of the scene in f64 and of the f32 numbers that kernels get.

@@ -161,7 +161,7 @@ fn row(
 fn drawn(algorithm: &Algorithm, view: &View, host: HostOptions) -> Result<Vec<f64>, BadInput> {
     let adjacency = Adjacency::new(&view.scene.mesh);
     let input = ShadowInput::of_lights(&view.scene, algorithm.lights(), &adjacency, &view.eye);
-    let visibility = made::draw(algorithm, &input, host)?.visibility;
+    let visibility = made::draw(algorithm, input, host)?.visibility;
     Ok(visibility.into_iter().take(view.truth.len()).map(made::number).collect())
 }
 

@@ -46,7 +46,7 @@ impl Method for Toy {
         input: &mut ShadowInput,
         runner: &mut Runner<'_>,
     ) -> Result<Shadows, Stopped> {
-        // What the host may do untimed: copy the input, allocate, read totals between steps.
+        // What the host may do untimed: put the input there, allocate, read totals between steps.
         let count = input.receivers.len() as u32;
         let light = runner.arena.alloc_f32(&vec![1.0; count.next_multiple_of(16) as usize]);
         let floor = options.number("floor") as f32;

@@ -1,4 +1,4 @@
-//! What kernels copy into simulated memory.
+//! What kernels put into simulated memory.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -9,7 +9,7 @@ use crate::light::{Light, LightShape};
 use crate::mesh::Mesh;
 use crate::scene::Scene;
 
-/// Everything the kernels copy into simulated memory: plain data, light at the origin.
+/// Everything the kernels put into simulated memory: plain data, light at the origin.
 ///
 /// Coordinates are formed in f64 and become f32 last. They are world units over `2^scale_log2`, chosen so that the
 /// largest |coordinate| of vertices and receivers is in [0.5, 1): nothing depends on absolute scale.

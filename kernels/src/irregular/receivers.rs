@@ -35,7 +35,15 @@ impl Receivers {
     pub const TASK: u32 = 1024;
 
     /// Moves the receivers of a frame into the arena, untimed: that is work of the eye view. Only their pixels stay with `input`.
+    ///
+    /// # Panics
+    /// If the receivers of `input` have been moved before.
     pub fn new(input: &mut ShadowInput, arena: &mut Arena) -> Receivers {
+        assert_eq!(
+            input.receivers.len(),
+            input.receiver_pixel.len(),
+            "the receivers of a frame are moved once"
+        );
         let order = curve_order(input);
         let (places, triangles) =
             (core::mem::take(&mut input.receivers), core::mem::take(&mut input.receiver_triangle));

@@ -206,9 +206,17 @@ impl Method for Sism {
         let visibility = runner.arena.overwritten(u64::from(input.width * input.height));
         let first = runner.arena.used_bytes();
         let mut silhouette_edges = None;
-        let mut others = core::mem::take(&mut input.others);
+        let others = core::mem::take(&mut input.others);
         let of = 1 + others.len() as u32;
-        for (number, light) in (0..).zip(core::iter::once(&mut *input).chain(&mut others)) {
+        let mut others = others.into_iter();
+        for number in 0..of {
+            let mut other;
+            let light = if number == 0 {
+                &mut *input
+            } else {
+                other = others.next().expect("as many as were counted");
+                &mut other
+            };
             // Each where the one before was: nothing but the picture outlives its light.
             runner.arena.give_back(first);
             let picture = Picture { visibility, number, of };
@@ -400,7 +408,7 @@ pub fn run(
     run_light(input, scene, light, choices, Picture { visibility, number: 0, of: 1 }, runner)
 }
 
-/// The program of one light, whose geometry is in the arena. Moves the rest of the input there, untimed; all else are its steps.
+/// The program of one light, whose geometry is in the arena. Puts the rest of the input there, untimed; all else are its steps.
 ///
 /// A point light has neither silhouettes nor a soft phase.
 fn run_light(

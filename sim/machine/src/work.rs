@@ -6,6 +6,7 @@
 //!
 //! While nobody watches, [`doing`] costs a load and a branch. What is watched changes no result.
 
+use crossbeam_utils::CachePadded;
 use std::marker::PhantomData;
 use std::sync::atomic::{AtomicU8, AtomicUsize, Ordering::Relaxed};
 
@@ -15,9 +16,9 @@ use std::sync::atomic::{AtomicU8, AtomicUsize, Ordering::Relaxed};
 pub enum Work {
     /// The thread runs kernels whose uops nobody asks for.
     Function,
-    /// The thread runs kernels and records their uops.
+    /// The thread runs kernels, records their uops and counts them.
     Emission,
-    /// The thread runs cores: they issue, and hit in their L1s.
+    /// The thread runs cores: they issue, hit in their L1s, and take what they are answered.
     Issue,
     /// The thread runs cores: they look beyond hits in their L1s, or translate addresses.
     PrivateCaches,
@@ -25,25 +26,35 @@ pub enum Work {
     Uncore,
     /// The thread waits for others.
     Waiting,
+    /// The thread runs a step and does none of that: it deals out tasks and cores, reads and sorts, checks laws.
+    Other,
 }
 
 impl Work {
     /// Number of kinds of work.
-    pub const COUNT: usize = 6;
+    pub const COUNT: usize = 7;
 
     /// All kinds of work, in the order of their numbers.
-    pub const ALL: [Work; Work::COUNT] =
-        [Work::Function, Work::Emission, Work::Issue, Work::PrivateCaches, Work::Uncore, Work::Waiting];
+    pub const ALL: [Work; Work::COUNT] = [
+        Work::Function,
+        Work::Emission,
+        Work::Issue,
+        Work::PrivateCaches,
+        Work::Uncore,
+        Work::Waiting,
+        Work::Other,
+    ];
 
     /// The work in words.
     pub fn title(self) -> &'static str {
         match self {
             Work::Function => "function: kernels run",
             Work::Emission => "emission: kernels run and recorded",
-            Work::Issue => "issue, and hits in the L1",
+            Work::Issue => "issue, hits in the L1, answers",
             Work::PrivateCaches => "private caches beyond hits",
             Work::Uncore => "uncore",
             Work::Waiting => "waiting for other host threads",
+            Work::Other => "all else in steps",
         }
     }
 }
@@ -58,14 +69,17 @@ const FREE: u8 = u8::MAX;
 const NONE: u8 = u8::MAX - 1;
 
 static WATCHES: AtomicUsize = AtomicUsize::new(0);
-static PLACES: [AtomicU8; THREADS_MAX] = [const { AtomicU8::new(FREE) }; THREADS_MAX];
+/// A line each: threads that write often must not take lines from one another.
+static PLACES: [CachePadded<AtomicU8>; THREADS_MAX] =
+    [const { CachePadded::new(AtomicU8::new(FREE)) }; THREADS_MAX];
 
 /// The place of a thread until it ends; `None` where there was none left.
 struct Place(Option<&'static AtomicU8>);
 
 impl Place {
     fn claim() -> Place {
-        Place(PLACES.iter().find(|place| place.compare_exchange(FREE, NONE, Relaxed, Relaxed).is_ok()))
+        let is_claimed = |place: &AtomicU8| place.compare_exchange(FREE, NONE, Relaxed, Relaxed).is_ok();
+        Place(PLACES.iter().map(|place| &**place).find(|place| is_claimed(place)))
     }
 }
 

@@ -226,6 +226,7 @@ impl<'a> Crew<'a> {
         if tasks.peek().is_none() {
             return;
         }
+        let _work = doing(Work::Emission);
         let mut done = 0;
         let mut recorded = lock(&self.recorded[number]);
         let (streams, spare, tally) = &mut *recorded;
