@@ -117,11 +117,13 @@ fn subjects(quick: bool) -> Vec<Subject> {
         "Two arrays read and one of them written, in three quarters of the L1, by four threads a core",
         Bench::Stream(laps(48)),
     ));
-    subjects.push(Subject::Micro(
-        "full-laps",
-        "The same in all of the L1, to the last line",
-        Bench::Stream(laps(64)),
-    ));
+    if !quick {
+        subjects.push(Subject::Micro(
+            "full-laps",
+            "The same in all of the L1, to the last line",
+            Bench::Stream(laps(64)),
+        ));
+    }
     subjects
 }
 

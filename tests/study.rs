@@ -330,6 +330,31 @@ fn bad_studies_are_refused_with_place_and_remedy() {
     );
     refused(
         "\"axes\"",
+        "\"metric\": \"total.ms / scene.triangels\", \"axes\"",
+        &["`scene.triangels` is no number of a report", "did you mean `scene.triangles`?", "small.json:4:13"],
+    );
+    let published = |point: &str, path: &str| {
+        format!(
+            r#""published": [{{"source": "a paper", "point": {point}, "numbers": {{"{path}": 1}}}}], "axes""#
+        )
+    };
+    refused(
+        "\"axes\"",
+        &published("{\"core\": 1}", "total.ms"),
+        &["`published[0].point` names `core`, which is no axis", "axes: cores"],
+    );
+    refused(
+        "\"axes\"",
+        &published("{\"cores\": 3}", "total.ms"),
+        &["`published[0].point` names 3, which is no value of the axis `cores`"],
+    );
+    refused(
+        "\"axes\"",
+        &published("{\"cores\": 1}", "totl.ms"),
+        &["`totl.ms` is no number of a report", "did you mean `total.ms`?"],
+    );
+    refused(
+        "\"axes\"",
         "\"metric\": \"totl.ms\", \"axes\"",
         &["`totl.ms` is no number of a report", "did you mean `total.ms`?", "small.json:4:13"],
     );

@@ -44,9 +44,15 @@ impl Kernel for Clear {
 #[inline(always)]
 pub fn clear_lines<V: Vpu>(v: &mut V, base: Addr, first: V::S32, end: V::S32) {
     let zero = v.vset_i32(0);
+    fill_lines(v, base, first, end, zero);
+}
+
+/// Fills words `first..end` of the array at `base`, whole lines of it, with `value`.
+#[inline(always)]
+pub fn fill_lines<V: Vpu>(v: &mut V, base: Addr, first: V::S32, end: V::S32, value: V::I32) {
     let mut i = first;
     while v.branch(Compare::Less, i, end) {
-        v.vstore_stream(base, i, zero);
+        v.vstore_stream(base, i, value);
         i = scalar!(v, i + { (LINE_BYTES / 4) as i32 });
     }
 }

@@ -6,6 +6,7 @@ use lrbsim_workloads::{LightShape, Outline};
 
 use crate::expression::each;
 use crate::plane::{Vec3, cross, dot, sub};
+use crate::record::{Field, Record};
 use crate::rectangle::{line, square};
 use crate::segment::{Angle, Vec2, segment_by};
 
@@ -116,7 +117,7 @@ impl<V: Vpu> View<V> {
     }
 
     /// Part of the light beyond the edge `u0 -> u1` of places, inside the wedge that the edge subtends at the light's middle: in
-    /// [0, 1/2], and the lanes of `live` where it is any. `angle` is that of a disc's part.
+    /// [0, 1/2], and the lanes of `live` where it is any; `None` where it is none in all. `angle` is that of a disc's part.
     #[inline(always)]
     pub fn part_beyond(
         &self,
@@ -125,7 +126,7 @@ impl<V: Vpu> View<V> {
         u0: Vec2<V>,
         u1: Vec2<V>,
         angle: Angle,
-    ) -> (V::Mask, V::F32) {
+    ) -> Option<(V::Mask, V::F32)> {
         match self.outline {
             Outline::Disc => segment_by(v, live, u0, u1, angle),
             Outline::Square => square(v, live, u0, u1),
@@ -186,14 +187,70 @@ impl<V: Vpu> View<V> {
         [dot(v, q, self.s), dot(v, q, self.t), dot(v, q, self.axis)]
     }
 
-    /// Clips the edge `a -> b` to heights between receiver and light; the lanes of `live` in which some of it is left.
+    /// The two points at `ends` of a record in this frame, as [`View::see`] has each.
+    ///
+    /// A coordinate is loaded while the one before is used, with which it pairs.
+    #[inline(always)]
+    pub fn see_ends<R>(
+        &self,
+        v: &mut V,
+        record: Record<V, R>,
+        ends: [Field<R, [f32; 3]>; 2],
+    ) -> [Seen<V>; 2] {
+        let mut seen = [self.receiver; 2];
+        let mut coordinate = record.float(v, ends[0].at(2));
+        for (end, axis) in [(0, 2), (0, 1), (0, 0), (1, 2), (1, 1), (1, 0)] {
+            let q = v.vsub(coordinate, self.receiver[axis]);
+            if axis > 0 {
+                coordinate = record.float(v, ends[end].at(axis - 1));
+            } else if end == 0 {
+                coordinate = record.float(v, ends[1].at(2));
+            }
+            for (along, direction) in [self.s, self.t, self.axis].into_iter().enumerate() {
+                let before = seen[end][along];
+                seen[end][along] =
+                    if axis == 2 { v.vmul(q, direction[axis]) } else { v.vmadd(q, direction[axis], before) };
+            }
+        }
+        seen
+    }
+
+    /// The places of the edge `a -> b`, clipped to heights between receiver and light; first, the lanes of `live` in which some of it is
+    /// left. Each vertex has its own, see [`View::project`].
     ///
     /// Two compares a point and a branch where nothing is to be clipped, which is the common case.
     #[inline(always)]
-    pub fn clip(&self, v: &mut V, live: V::Mask, a: &mut Seen<V>, b: &mut Seen<V>) -> V::Mask {
+    pub fn place(&self, v: &mut V, live: V::Mask, [mut a, mut b]: [Seen<V>; 2]) -> (V::Mask, [Vec2<V>; 2]) {
+        let lower = v.vmin(a[2], b[2]);
         let least = v.vset_f32(HEIGHT_MIN);
+        let upper = v.vmax(a[2], b[2]);
         let low = v.vmul(self.height, least);
-        clip_between(v, live, low, self.height, a, b)
+        let inside = v.vcmp_le(upper, self.height);
+        let inside = v.vcmp_ge_masked(inside, lower, low);
+        // What the branch waits for and what is wanted next, by turns.
+        let mut per_height = [v.vrcp(a[2]); 2];
+        let cut = v.kandn(inside, live);
+        per_height[1] = v.vrcp(b[2]);
+        let mut live = live;
+        if v.branch_any(cut) {
+            live = clip_to(v, live, [inside, cut], [low, self.height], &mut a, &mut b);
+            per_height = [v.vrcp(a[2]), v.vrcp(b[2])];
+        }
+        let places = each!(end in [(a, per_height[0]), (b, per_height[1])] => {
+            let (seen, per_height) = end;
+            let k = v.vmul(self.scale, per_height);
+            self.place_of(v, seen, k)
+        });
+        (live, places)
+    }
+
+    /// The place of a point that is `seen`, for the factor `k` from it to the light.
+    #[inline(always)]
+    fn place_of(&self, v: &mut V, seen: Seen<V>, k: V::F32) -> Vec2<V> {
+        match self.foot {
+            None => [v.vmul(seen[0], k), v.vmul(seen[1], k)],
+            Some(foot) => [v.vmadd(seen[0], k, foot[0]), v.vmadd(seen[1], k, foot[1])],
+        }
     }
 
     /// A point `vertex` (light-centred) in this frame moved to the middle of the light: its height is that over the light's plane, and
@@ -210,7 +267,8 @@ impl<V: Vpu> View<V> {
         v.vmul(self.height, part)
     }
 
-    /// As [`View::clip`], for points that are seen from the middle.
+    /// Clips the edge `a -> b` to heights between receiver and light, for points that are seen from the middle; the lanes of `live` in which
+    /// some of it is left.
     ///
     /// In the plane of the light an edge is cut from its end that is nearer to that plane: a corner next to the middle would else lose
     /// the digits that say on which side of the middle its edge passes.
@@ -295,10 +353,7 @@ impl<V: Vpu> View<V> {
     pub fn project(&self, v: &mut V, seen: Seen<V>) -> Vec2<V> {
         let inverse = v.vrcp(seen[2]);
         let k = v.vmul(self.scale, inverse);
-        match self.foot {
-            None => [v.vmul(seen[0], k), v.vmul(seen[1], k)],
-            Some(foot) => [v.vmadd(seen[0], k, foot[0]), v.vmadd(seen[1], k, foot[1])],
-        }
+        self.place_of(v, seen, k)
     }
 }
 
@@ -367,6 +422,20 @@ fn clip_between<V: Vpu>(
     if !v.branch_any(cut) {
         return live;
     }
+    clip_to(v, live, [inside, cut], [low, high], a, b)
+}
+
+/// Clips `a -> b` to heights from `low` to `high`, which lanes of `cut` are not within and those `inside` are; the lanes of `live` in which
+/// some of it is left.
+#[inline(always)]
+fn clip_to<V: Vpu>(
+    v: &mut V,
+    live: V::Mask,
+    [inside, cut]: [V::Mask; 2],
+    [low, high]: [V::F32; 2],
+    a: &mut Seen<V>,
+    b: &mut Seen<V>,
+) -> V::Mask {
     // Parameters at which the edge crosses the two heights; its end points where it does not.
     let zero = v.vset_f32(0.0);
     let one = v.vset_f32(1.0);

@@ -3,6 +3,7 @@
 use lrbsim_isa::Vpu;
 
 use crate::expression::each;
+use crate::record::{Field, Record};
 
 /// A vector of three components in each of 16 lanes.
 pub type Vec3<V> = [<V as Vpu>::F32; 3];
@@ -63,6 +64,22 @@ pub fn cross<V: Vpu>(v: &mut V, a: Vec3<V>, b: Vec3<V>) -> Vec3<V> {
 #[inline(always)]
 pub fn sub<V: Vpu>(v: &mut V, a: Vec3<V>, b: Vec3<V>) -> Vec3<V> {
     [v.vsub(a[0], b[0]), v.vsub(a[1], b[1]), v.vsub(a[2], b[2])]
+}
+
+/// The product of `point` with a vector of a record, as [`dot`] has it; a component is loaded while the one before is used, with which it pairs.
+#[inline(always)]
+pub fn dot_of<V: Vpu, R>(
+    v: &mut V,
+    point: Vec3<V>,
+    record: Record<V, R>,
+    field: Field<R, [f32; 3]>,
+) -> V::F32 {
+    let z = record.float(v, field.at(2));
+    let of_z = v.vmul(point[2], z);
+    let y = record.float(v, field.at(1));
+    let of_yz = v.vmadd(point[1], y, of_z);
+    let x = record.float(v, field.at(0));
+    v.vmadd(point[0], x, of_yz)
 }
 
 /// On which side of an edge's plane points lie: the sign bit is set for those right of `low -> high`.

@@ -8,7 +8,7 @@ use core::marker::PhantomData;
 
 use lrbsim_isa::{Addr, Arena, Vpu};
 
-use crate::expression::each;
+use crate::expression::{each, scalar};
 use crate::plane::Vec3;
 
 /// Where a field of type `T` lies in a record `R`.
@@ -103,11 +103,14 @@ impl<R> Records<R> {
         self.base.plus(number as u64 * size_of::<R>() as u64 + field.offset_bytes())
     }
 
-    /// The record of number `number`. One scalar multiplication.
+    /// The record of number `number`. One scalar operation: a shift where records are a power of two of words, else a multiplication.
     #[inline(always)]
     pub fn record<V: Vpu>(self, v: &mut V, number: V::S32) -> Record<V, R> {
-        let words = v.s_imm(words::<R>() as i32);
-        self.at(v.s_mul(number, words))
+        let words = words::<R>() as i32;
+        if words.count_ones() == 1 {
+            return self.at(scalar!(v, number << { words.trailing_zeros() as i32 }));
+        }
+        self.at(scalar!(v, number * { words }))
     }
 
     /// The record whose first word is word `index` of these.

@@ -7,11 +7,11 @@ use crate::segment::{Vec2, cross, dot};
 
 /// Part of the square of all places from -1 to 1 beyond the edge `u0 -> u1`, inside the wedge that the edge subtends at its middle.
 ///
-/// In [0, 1/2], unsigned; 0 outside the lanes returned, which are those of `live` where the edge cuts the square. What of the
+/// In [0, 1/2], unsigned, in the lanes returned, which are those of `live` where the edge cuts the square. What of the
 /// edge lies in the square is cut out; the part is its wedge's area of the square, less that of the triangle between it and the
-/// middle. Error below 3e-7 of the square.
+/// middle. Error below 3e-7 of the square. `None` where no lane has a part.
 #[inline(always)]
-pub fn square<V: Vpu>(v: &mut V, live: V::Mask, u0: Vec2<V>, u1: Vec2<V>) -> (V::Mask, V::F32) {
+pub fn square<V: Vpu>(v: &mut V, live: V::Mask, u0: Vec2<V>, u1: Vec2<V>) -> Option<(V::Mask, V::F32)> {
     let zero = v.vset_f32(0.0);
     let one = v.vset_f32(1.0);
     let minus_one = v.vset_f32(-1.0);
@@ -25,7 +25,7 @@ pub fn square<V: Vpu>(v: &mut V, live: V::Mask, u0: Vec2<V>, u1: Vec2<V>) -> (V:
     let reach = v.vadd(width, height);
     let live = v.vcmp_lt_masked(live, distance, reach);
     if !v.branch_any(live) {
-        return (live, zero);
+        return None;
     }
 
     // Where the line enters the square and leaves it. What side it meets there is told by the place on that side, which is found
@@ -54,7 +54,7 @@ pub fn square<V: Vpu>(v: &mut V, live: V::Mask, u0: Vec2<V>, u1: Vec2<V>) -> (V:
     let from_enter = ahead(v, e, u1, enters);
     let live = v.vcmp_gt_masked(live, from_enter, zero);
     if !v.branch_any(live) {
-        return (live, zero);
+        return None;
     }
     let to_enter = ahead(v, e, enters, u0);
     let begins_outside = v.vcmp_gt(to_enter, zero);
@@ -77,8 +77,7 @@ pub fn square<V: Vpu>(v: &mut V, live: V::Mask, u0: Vec2<V>, u1: Vec2<V>) -> (V:
     let area = v.vnmadd(triangle, half, wedge);
     let quarter = v.vset_f32(0.25);
     let part = v.vmul(area, quarter);
-    let part = v.vmax(part, zero);
-    (live, v.vblend_f32(live, part, zero))
+    Some((live, v.vmax(part, zero)))
 }
 
 /// Area of the square of all places from -1 to 1 between the x axis and the direction of `u`, counterclockwise, in
@@ -112,17 +111,17 @@ fn ahead<V: Vpu>(v: &mut V, e: Vec2<V>, to: Vec2<V>, from: Vec2<V>) -> V::F32 {
     dot(v, way, e)
 }
 
-/// Part of the line from (-1, 0) to (1, 0) beyond the edge `u0 -> u1`, seen from its middle: in [0, 1/2], unsigned; 0 outside the
-/// lanes returned, which are those of `live` where the edge crosses it.
+/// Part of the line from (-1, 0) to (1, 0) beyond the edge `u0 -> u1`, seen from its middle: in [0, 1/2], unsigned, in the
+/// lanes returned, which are those of `live` where the edge crosses it. `None` where no lane has a part.
 #[inline(always)]
-pub fn line<V: Vpu>(v: &mut V, live: V::Mask, u0: Vec2<V>, u1: Vec2<V>) -> (V::Mask, V::F32) {
+pub fn line<V: Vpu>(v: &mut V, live: V::Mask, u0: Vec2<V>, u1: Vec2<V>) -> Option<(V::Mask, V::F32)> {
     let zero = v.vset_f32(0.0);
     let starts_left = v.vcmp_ge(u0[1], zero);
     let ends_left = v.vcmp_ge(u1[1], zero);
     let crosses = v.kxor(starts_left, ends_left);
     let live = v.kand(crosses, live);
     if !v.branch_any(live) {
-        return (live, zero);
+        return None;
     }
     let c = cross(v, u0, u1);
     let rise = v.vsub(u1[1], u0[1]);
@@ -131,6 +130,5 @@ pub fn line<V: Vpu>(v: &mut V, live: V::Mask, u0: Vec2<V>, u1: Vec2<V>) -> (V::M
     let place = v.vabs(place);
     let half = v.vset_f32(0.5);
     let part = v.vnmadd(place, half, half);
-    let part = v.vmax(part, zero);
-    (live, v.vblend_f32(live, part, zero))
+    Some((live, v.vmax(part, zero)))
 }

@@ -21,11 +21,11 @@ use lrbsim_workloads::LightShape;
 use lrbsim_workloads::glam::DVec3;
 
 /// As in the docs of [`segment`], [`hidden`], [`add_edge`], [`hit`] and [`Printed::part`].
-const SEGMENT: [u64; 2] = [17, 88];
+const SEGMENT: [u64; 2] = [19, 75];
 const HIDDEN: [u64; 2] = [30, 39];
-const EDGE: [u64; 2] = [66, 157];
+const EDGE: [u64; 2] = [64, 140];
 const RAY: u64 = 52;
-const PRINTED: [u64; 2] = [34, 102];
+const PRINTED: [u64; 2] = [34, 87];
 
 /// Uops of one task of `kernel`, spills included.
 fn cost(kernel: impl Kernel + 'static, arena: &mut Arena) -> u64 {
@@ -90,7 +90,7 @@ impl Lanewise<3, 1> for Hidden {
         let own = v.bits_of(points[0]);
         let all = v.mask_all();
         let first = v.s_imm(0);
-        let covered = hidden(v, all, points, own, own, self.0.at(first));
+        let covered = hidden(v, all, points, own, own, self.0.at(first)).unwrap_or(all);
         let zero = points[0];
         [v.vblend_f32(covered, zero, zero)]
     }

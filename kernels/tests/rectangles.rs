@@ -5,6 +5,7 @@ mod common;
 use common::{Lanewise, Random, evaluate, power_of_ten};
 use lrbsim_isa::Vpu;
 use lrbsim_kernels::rectangle::{line, square};
+use lrbsim_kernels::segment::or_nothing;
 use lrbsim_workloads::glam::DVec2;
 use lrbsim_workloads::reference::{line_beyond, square_beyond};
 
@@ -16,8 +17,9 @@ impl Lanewise<4, 2> for Beyond {
     #[inline(always)]
     fn eval<V: Vpu>(&self, v: &mut V, [x0, y0, x1, y1]: [V::F32; 4]) -> [V::F32; 2] {
         let all = v.mask_all();
-        let (_, of_square) = square(v, all, [x0, y0], [x1, y1]);
-        [of_square, line(v, all, [x0, y0], [x1, y1]).1]
+        let of_square = square(v, all, [x0, y0], [x1, y1]);
+        let of_line = line(v, all, [x0, y0], [x1, y1]);
+        [or_nothing(v, of_square).1, or_nothing(v, of_line).1]
     }
 }
 

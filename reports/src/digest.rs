@@ -39,6 +39,7 @@ impl Digest {
         let file = &study.study;
         let mut paths = vec![file.metric.clone()];
         paths.extend(file.columns.iter().cloned());
+        paths.extend(file.published.iter().flat_map(|published| published.numbers.keys().cloned()));
         for analysis in file.analysis.iter().map(|entry| entry.options()) {
             paths.extend([analysis.x, analysis.y].into_iter().flatten());
         }

@@ -144,7 +144,7 @@ impl PriceList {
         let mut paragraphs = vec![
             format!(
                 "A simulation can be cheap or exact. Each level of modeling (`--fidelity`) ran the same programs on {}, the scenes of Johnson et al. 2009 in \
-                 small pictures and two microbenchmarks; `{}`, the most exact, is what the others are compared with. Seconds are those in the kernels and the \
+                 small pictures and microbenchmarks; `{}`, the most exact, is what the others are compared with. Seconds are those in the kernels and the \
                  model, with {} host {}: what scene, eye view and pictures take is the same at every level.",
                 self.errors.machine,
                 self.errors.reference,

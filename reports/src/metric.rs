@@ -23,8 +23,17 @@ impl Numbers {
     }
 }
 
-/// The number at `path` of a report as a tree.
+/// The two paths of a ratio, as in `phases.grid.cycles / scene.receivers`; `None` for a path.
+pub fn ratio(path: &str) -> Option<(&str, &str)> {
+    path.split_once(" / ")
+}
+
+/// The number at `path` of a report as a tree, or the ratio of two.
 fn number(tree: &Value, path: &str) -> Option<f64> {
+    if let Some((of, by)) = ratio(path) {
+        let ratio = number(tree, of)? / number(tree, by)?;
+        return ratio.is_finite().then_some(ratio);
+    }
     let mut place = tree;
     for name in path.split('.') {
         place = match place {
@@ -51,6 +60,9 @@ pub const ERROR_PLACES: [(&str, &str); 3] = [
 
 /// The title of a path for people, with its unit.
 pub fn title(path: &str) -> String {
+    if let Some((of, by)) = ratio(path) {
+        return format!("{} / {}", title(of), title(by));
+    }
     let last = path.rsplit('.').next().unwrap_or(path);
     let name = path.strip_suffix(last).unwrap_or("").trim_end_matches('.').trim_start_matches("phases.");
     match (name, last) {
@@ -78,6 +90,9 @@ mod tests {
         assert_eq!(numbers.get("phases.soft.cycles"), Some(6e6));
         assert_eq!(numbers.get("phases.soft.l2.misses"), Some(76.0));
         assert_eq!(numbers.get("machine.cores"), Some(24.0));
+        let ratios = ["phases.soft.cycles / machine.cores", "machine.cores / phases.none.ms"];
+        let by = Numbers::of(&sample::timed(), ratios.into_iter());
+        assert_eq!((by.get(ratios[0]), by.get(ratios[1])), (Some(250_000.0), None));
         for path in unknown {
             assert_eq!(numbers.get(path), None, "{path}");
         }
@@ -90,5 +105,6 @@ mod tests {
         assert_eq!(title("total.ms"), "total, ms");
         assert_eq!(title("image.error.mean"), "mean error");
         assert_eq!(title("scene.triangles"), "scene.triangles");
+        assert_eq!(title("phases.grid.ms / scene.receivers"), "grid, ms / scene.receivers");
     }
 }

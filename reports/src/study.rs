@@ -35,12 +35,27 @@ pub struct StudyFile {
     /// The number that is asked for: a path in the report, such as `total.ms` or `phases.soft.cycles`.
     #[serde(default = "total_ms")]
     pub metric: String,
-    /// Further columns of the study's table: paths in the report.
+    /// Further columns of the study's table: paths in the report, or ratios of two, as in `phases.grid.cycles / scene.receivers`.
     #[serde(default)]
     pub columns: Vec<String>,
     /// The analyses to make of the results.
     #[serde(default)]
     pub analysis: Vec<AnalysisEntry>,
+    /// What others published of some points, for the analysis `published`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub published: Vec<Published>,
+}
+
+/// Numbers that others published of a point.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Published {
+    /// Where the numbers stand.
+    pub source: String,
+    /// The point that they are of: values of axes. Of several points that have these values they are of each.
+    pub point: BTreeMap<String, Value>,
+    /// The numbers, by their path in the report.
+    pub numbers: BTreeMap<String, f64>,
 }
 
 fn total_ms() -> String {
@@ -153,7 +168,7 @@ pub enum Sampling {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(
     untagged,
-    expecting = "an analysis is one of \"table\", \"speedup\", \"power_law\", \"pareto\", \"sensitivity\", or {\"kind\": one of these, \"x\": PATH, \"y\": PATH}"
+    expecting = "an analysis is one of \"table\", \"speedup\", \"power_law\", \"pareto\", \"sensitivity\", \"published\", or {\"kind\": one of these, \"x\": PATH, \"y\": PATH}"
 )]
 pub enum AnalysisEntry {
     /// An analysis with its usual options.
@@ -194,6 +209,8 @@ pub enum AnalysisKind {
     Pareto,
     /// What each axis does, the greatest first.
     Sensitivity,
+    /// What was measured beside what others published, see [`StudyFile::published`].
+    Published,
 }
 
 impl AnalysisEntry {

@@ -1,11 +1,12 @@
 //! Study files: read, and checked as far as can be without running anything.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use lrbsim_kernels::method::METHODS;
 use lrbsim_machine::Fidelity;
-use lrbsim_reports::dictionary;
 use lrbsim_reports::study::{AnalysisKind, Draw, Sampling, StudyAxis, StudyFile};
+use lrbsim_reports::{dictionary, metric};
 use serde_json::Value;
 
 use super::points::{self, Point};
@@ -16,10 +17,11 @@ use crate::json::{self, Spots};
 use crate::settings::distance;
 
 /// Name and text of each shipped study.
-const STUDIES: [(&str, &str); 6] = [
+const STUDIES: [(&str, &str); 7] = [
     ("accuracy", include_str!("../../configs/studies/accuracy.json")),
     ("cores", include_str!("../../configs/studies/cores.json")),
     ("orbit", include_str!("../../configs/studies/orbit.json")),
+    ("table2", include_str!("../../configs/studies/table2.json")),
     ("trade", include_str!("../../configs/studies/trade.json")),
     ("trade-panel", include_str!("../../configs/studies/trade-panel.json")),
     ("trade-tube", include_str!("../../configs/studies/trade-tube.json")),
@@ -121,29 +123,10 @@ impl Study {
             }
         }
         for (index, excluded) in file.exclude.iter().enumerate() {
-            if let Some(path) = excluded.keys().find(|path| !file.axes.iter().any(|axis| axis.path == **path))
-            {
-                let axes: Vec<&str> = file.axes.iter().map(|axis| axis.path.as_str()).collect();
-                let bad = BadInput::new(format!("`exclude[{index}]` names `{path}`, which is no axis"))
-                    .with_help(format!("axes: {}", axes.join(", ")));
-                return Err(at(bad, &format!("exclude[{index}]"), "this exclusion"));
-            }
-            // What no point can have leaves nothing out: a slip of the pen. Of one at a time, the base has values too.
-            let listed = |path: &str, value: &Value| {
-                file.sampling == Sampling::OneAtATime
-                    || file.axes.iter().filter(|axis| axis.path == path).any(|axis| {
-                        axis.values.is_empty() || axis.values.iter().any(|other| points::same(other, value))
-                    })
-            };
-            for (path, named) in excluded {
-                let named = points::named(named);
-                if let Some(value) = named.iter().find(|value| !listed(path, value)) {
-                    let bad = BadInput::new(format!(
-                        "`exclude[{index}]` names {value}, which is no value of the axis `{path}`"
-                    ));
-                    return Err(at(bad, &format!("exclude[{index}].{path}"), "no such value"));
-                }
-            }
+            check_named(&file, excluded, &format!("exclude[{index}]"), &at)?;
+        }
+        for (index, published) in file.published.iter().enumerate() {
+            check_named(&file, &published.point, &format!("published[{index}].point"), &at)?;
         }
         check_numbers(&file, &at)?;
         if let Sampling::Random { points: 0, .. } = file.sampling {
@@ -201,6 +184,37 @@ fn try_axis(base: &Recipe, axis: &StudyAxis) -> (bool, Result<(), Misfit>) {
     }
 }
 
+/// Points that are `named` by values of axes, at `place`, must be some that there can be: all else is a slip of the pen. Of one at a time, the
+/// base has values too.
+fn check_named(
+    file: &StudyFile,
+    named: &BTreeMap<String, Value>,
+    place: &str,
+    at: &dyn Fn(BadInput, &str, &str) -> BadInput,
+) -> Result<(), BadInput> {
+    if let Some(path) = named.keys().find(|path| !file.axes.iter().any(|axis| axis.path == **path)) {
+        let axes: Vec<&str> = file.axes.iter().map(|axis| axis.path.as_str()).collect();
+        let bad = BadInput::new(format!("`{place}` names `{path}`, which is no axis"))
+            .with_help(format!("axes: {}", axes.join(", ")));
+        return Err(at(bad, place, "no such axis"));
+    }
+    let listed = |path: &str, value: &Value| {
+        file.sampling == Sampling::OneAtATime
+            || file.axes.iter().filter(|axis| axis.path == path).any(|axis| {
+                axis.values.is_empty() || axis.values.iter().any(|other| points::same(other, value))
+            })
+    };
+    for (path, values) in named {
+        let values = points::named(values);
+        if let Some(value) = values.iter().find(|value| !listed(path, value)) {
+            let bad =
+                BadInput::new(format!("`{place}` names {value}, which is no value of the axis `{path}`"));
+            return Err(at(bad, &format!("{place}.{path}"), "no such value"));
+        }
+    }
+    Ok(())
+}
+
 /// What is measured, shown and drawn has to be in reports: found out here and not after hours.
 fn check_numbers(file: &StudyFile, at: &dyn Fn(BadInput, &str, &str) -> BadInput) -> Result<(), BadInput> {
     let ids: Vec<&str> = METHODS.iter().flat_map(|method| method.phases()).map(|phase| phase.id).collect();
@@ -208,7 +222,7 @@ fn check_numbers(file: &StudyFile, at: &dyn Fn(BadInput, &str, &str) -> BadInput
     let judged = file.base.reference.is_some()
         || file.base.set.contains_key("reference")
         || file.axes.iter().any(|axis| axis.path == "reference");
-    let check = |path: &str, place: &str, also: &[String]| {
+    let check_one = |path: &str, place: &str, also: &[String]| {
         let fits = |known: &String| match known.strip_suffix('*') {
             Some(group) => {
                 path.strip_prefix(group).is_some_and(|name| !name.is_empty() && !name.contains('.'))
@@ -240,7 +254,16 @@ fn check_numbers(file: &StudyFile, at: &dyn Fn(BadInput, &str, &str) -> BadInput
         };
         Err(at(bad.with_help(help), place, "no such number"))
     };
+    let check = |path: &str, place: &str, also: &[String]| match metric::ratio(path) {
+        Some((of, by)) => check_one(of, place, &[]).and_then(|()| check_one(by, place, &[])),
+        None => check_one(path, place, also),
+    };
     check(&file.metric, "metric", &[])?;
+    for (index, published) in file.published.iter().enumerate() {
+        for path in published.numbers.keys() {
+            check(path, &format!("published[{index}].numbers.{path}"), &[])?;
+        }
+    }
     for (index, column) in file.columns.iter().enumerate() {
         check(column, &format!("columns[{index}]"), &[])?;
     }
@@ -267,6 +290,9 @@ fn check_numbers(file: &StudyFile, at: &dyn Fn(BadInput, &str, &str) -> BadInput
 
 /// Whether the number at `path` is null where nothing is timed.
 fn is_timed(path: &str) -> bool {
+    if let Some((of, by)) = metric::ratio(path) {
+        return is_timed(of) || is_timed(by);
+    }
     match path.split('.').collect::<Vec<_>>()[..] {
         ["total", ..] => true,
         ["phases", _, part, ..] => !["steps", "tasks", "instructions", "lanes"].contains(&part),

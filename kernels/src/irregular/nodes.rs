@@ -6,8 +6,9 @@ use lrbsim_isa::{Addr, Compare, Kernel, Runner, Step, Stopped, Vpu, math};
 
 use super::faces::{BinPlace, FaceParameters, Faces};
 use super::grid::{Sample, cell_starts, depths_of_face};
+use super::touch::IMAGE_SLACK;
 use super::{CHILDREN, FAR};
-use crate::clear::clear_lines;
+use crate::clear::fill_lines;
 use crate::columns::{Columns, lanes_below, task_range};
 use crate::expression::{each, int, scalar};
 use crate::field;
@@ -21,7 +22,11 @@ pub struct Node {
     pub half: [f32; 2],
     /// Greatest depth of a receiver inside; 0 where there is none.
     pub depth: f32,
-    /// Greatest distance from the light of a point of the rectangle on the image plane.
+    /// Half of the diagonal of the rectangle, and what positions on the image plane are rounded by.
+    pub half_diagonal: f32,
+    /// One over the greatest depth of a receiver inside; [`FAR`] where there is none.
+    pub per_depth: f32,
+    /// Greatest distance from the light of a point of the rectangle on the image plane; -[`FAR`] where no receiver is inside.
     pub reach: f32,
 }
 
@@ -128,7 +133,13 @@ impl Kernel for Cells {
         if v.branch(Compare::Equal, samples_first, samples_end) {
             let first_cell = scalar!(v, block << 4);
             let end_cell = scalar!(v, end << 4);
-            clear_lines(v, cells.column(field!(Node.depth)), first_cell, end_cell);
+            let nothing =
+                [(field!(Node.depth), 0.0), (field!(Node.per_depth), FAR), (field!(Node.reach), -FAR)];
+            for (field, value) in nothing {
+                let value = v.vset_f32(value);
+                let value = v.bits_of(value);
+                fill_lines(v, cells.column(field), first_cell, end_cell, value);
+            }
             return;
         }
 
@@ -265,12 +276,26 @@ fn store_nodes<V: Vpu>(
     let reach2 = v.vmadd(corner_x, corner_x, one);
     let reach2 = v.vmadd(corner_y, corner_y, reach2);
     let reach = math::sqrt(v, reach2);
+    let half2 = v.vmul(half_y, half_y);
+    let half2 = v.vmadd(half_x, half_x, half2);
+    let half_diagonal = math::sqrt(v, half2);
+    let slack = v.vset_f32(IMAGE_SLACK);
+    let half_diagonal = v.vadd(half_diagonal, slack);
+    let zero = v.vset_f32(0.0);
+    let far = v.vset_f32(FAR);
+    let minus_far = v.vset_f32(-FAR);
+    let some = v.vcmp_gt(depth, zero);
+    let per_depth = v.vrcp(depth);
+    let per_depth = v.vblend_f32(some, per_depth, far);
+    let reach = v.vblend_f32(some, reach, minus_far);
     let mut store = |field, value| v.vstore_f32(live, nodes.column(field), at, value);
     store(field!(Node.center[0]), center[0]);
     store(field!(Node.center[1]), center[1]);
     store(field!(Node.half[0]), half_x);
     store(field!(Node.half[1]), half_y);
     store(field!(Node.depth), depth);
+    store(field!(Node.half_diagonal), half_diagonal);
+    store(field!(Node.per_depth), per_depth);
     store(field!(Node.reach), reach);
 }
 

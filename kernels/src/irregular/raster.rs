@@ -244,10 +244,11 @@ impl<T> Rasterize<T> {
                 let lane = take_lane(v, &mut blocks);
                 let in_bin = scalar!(v, lane << 4);
                 let cell = scalar!(v, first_cell + in_bin);
-                let (touched, start) = primitive.touch(v, nodes.cells, cell, None);
+                let (touched, tested) = primitive.touch(v, nodes.cells, cell, None);
                 if v.branch_any(touched) {
                     let at = scalar!(v, table + in_bin);
                     if let Some(records) = self.records {
+                        let start = primitive.start(v, tested);
                         let list = scalar!(v, first_list + in_bin);
                         let to = lists.place(v, touched, at, list);
                         let word = int!(v, to + to);

@@ -283,10 +283,11 @@ impl<S: Shade> See for S {
         let mut state = self.begin(v, samples);
         let mut at = first;
         while v.branch(Compare::Less, at, end) {
+            let next = scalar!(v, at + { words::<CellRecord>() as i32 });
             if walk.reaches(v, at, deepest) {
                 self.add(v, samples, &mut state, walk.record(at));
             }
-            at = scalar!(v, at + { words::<CellRecord>() as i32 });
+            at = next;
         }
         self.end(v, samples, &state);
     }

@@ -25,7 +25,7 @@ const DOT_SLACK: f32 = 1e-6;
 const CROSS_SLACK: f32 = 5e-7;
 
 /// Rounding of a position on the image plane, whose coordinates are at most about 1.
-const IMAGE_SLACK: f32 = 1e-6;
+pub(super) const IMAGE_SLACK: f32 = 1e-6;
 
 /// Rounding of a penumbra's half width, relative.
 const WIDTH_SLACK: f32 = 1e-5;
@@ -98,6 +98,8 @@ impl<V: Vpu> Form<V> {
     }
 
     /// The plane through the light and edge `edge` of `triangle`, its inside positive.
+    ///
+    /// A component is loaded while the one before is turned, with which it pairs.
     #[inline(always)]
     fn inward(
         v: &mut V,
@@ -106,11 +108,18 @@ impl<V: Vpu> Form<V> {
         edge: usize,
         sign_bit: V::I32,
     ) -> Form<V> {
-        let n = frame.load(v, triangle, field!(TriangleRecord.edge_normals[edge]));
+        let normal = field!(TriangleRecord.edge_normals[edge]);
         let flag = triangle.int(v, field!(TriangleRecord.flags[edge]));
+        let a = triangle.float(v, normal.at(frame.axes[0]));
         let flip = v.vand(flag, sign_bit);
-        let n = [flipped(v, n[0], flip), flipped(v, n[1], flip), flipped(v, n[2], flip)];
-        Form::new(v, n)
+        let b = triangle.float(v, normal.at(frame.axes[1]));
+        let a = flipped(v, a, flip);
+        let c = triangle.float(v, normal.at(frame.axes[2]));
+        let b = flipped(v, b, flip);
+        // A depth that runs the other way is turned once more.
+        let flip = if frame.sign > 0.0 { flip } else { v.vxor(flip, sign_bit) };
+        let c = flipped(v, c, flip);
+        Form::new(v, [a, b, c])
     }
 
     /// Greatest value over 16 rectangles.
@@ -120,6 +129,20 @@ impl<V: Vpu> Form<V> {
         let at = v.vmadd(self.a, r.x, at);
         let at = v.vmadd(self.size_a, r.half_x, at);
         v.vmadd(self.size_b, r.half_y, at)
+    }
+
+    /// As [`Form::max`], over the rectangles of nodes from `at` on, which are loaded meanwhile; these too.
+    #[inline(always)]
+    fn max_of(&self, v: &mut V, nodes: Columns<Node>, at: V::S32) -> (V::F32, Rectangles<V>) {
+        let y = v.vload_f32(nodes.column(field!(Node.center[1])), at);
+        let greatest = v.vmadd(self.b, y, self.c);
+        let x = v.vload_f32(nodes.column(field!(Node.center[0])), at);
+        let greatest = v.vmadd(self.a, x, greatest);
+        let half_x = v.vload_f32(nodes.column(field!(Node.half[0])), at);
+        let greatest = v.vmadd(self.size_a, half_x, greatest);
+        let half_y = v.vload_f32(nodes.column(field!(Node.half[1])), at);
+        let greatest = v.vmadd(self.size_b, half_y, greatest);
+        (greatest, Rectangles { x, y, half_x, half_y })
     }
 }
 
@@ -137,31 +160,26 @@ struct Rectangles<V: Vpu> {
     y: V::F32,
     half_x: V::F32,
     half_y: V::F32,
-    depth: V::F32,
-}
-
-impl<V: Vpu> Rectangles<V> {
-    #[inline(always)]
-    fn load(v: &mut V, nodes: Columns<Node>, at: V::S32) -> Rectangles<V> {
-        let mut load = |field| v.vload_f32(nodes.column(field), at);
-        Rectangles {
-            x: load(field!(Node.center[0])),
-            y: load(field!(Node.center[1])),
-            half_x: load(field!(Node.half[0])),
-            half_y: load(field!(Node.half[1])),
-            depth: load(field!(Node.depth)),
-        }
-    }
 }
 
 /// Which of 16 rectangles a primitive touches, and the least depth of a receiver there that it can shadow.
 pub trait Touch<V: Vpu> {
     /// The record that it is set up from.
     type Record;
+    /// What a test leaves for [`Touch::start`].
+    type Tested;
     /// The primitive of `record` in a face's frame.
     fn set_up(v: &mut V, faces: &Faces, frame: FaceFrame, record: Record<V, Self::Record>) -> Self;
     /// Tests nodes `at..at + 16`, or those of them in `live`: what lies past the last node is no node.
-    fn touch(&self, v: &mut V, nodes: Columns<Node>, at: V::S32, live: Option<V::Mask>) -> (V::Mask, V::F32);
+    fn touch(
+        &self,
+        v: &mut V,
+        nodes: Columns<Node>,
+        at: V::S32,
+        live: Option<V::Mask>,
+    ) -> (V::Mask, Self::Tested);
+    /// Least depth of a receiver that the primitive can shadow, in each of the rectangles that were `tested` and that it touches.
+    fn start(&self, v: &mut V, tested: Self::Tested) -> V::F32;
 }
 
 /// A triangle in a face's frame: its three edge planes, turned inward, and its own plane.
@@ -173,6 +191,8 @@ pub struct Triangle<V: Vpu> {
 
 impl<V: Vpu> Touch<V> for Triangle<V> {
     type Record = TriangleRecord;
+    /// The plane's greatest slope over each rectangle.
+    type Tested = V::F32;
 
     #[inline(always)]
     fn set_up(v: &mut V, _: &Faces, frame: FaceFrame, triangle: Record<V, TriangleRecord>) -> Self {
@@ -186,10 +206,9 @@ impl<V: Vpu> Touch<V> for Triangle<V> {
 
     #[inline(always)]
     fn touch(&self, v: &mut V, nodes: Columns<Node>, at: V::S32, live: Option<V::Mask>) -> (V::Mask, V::F32) {
-        let rectangles = Rectangles::load(v, nodes, at);
-        let zero = v.vset_f32(0.0);
         // Some point inside each edge plane.
-        let inside = self.edges[0].max(v, &rectangles);
+        let (inside, rectangles) = self.edges[0].max_of(v, nodes, at);
+        let zero = v.vset_f32(0.0);
         let mut touched = match live {
             None => v.vcmp_ge(inside, zero),
             Some(live) => v.vcmp_ge_masked(live, inside, zero),
@@ -200,14 +219,25 @@ impl<V: Vpu> Touch<V> for Triangle<V> {
         }
         // The deepest receiver beyond the plane.
         let slope = self.plane.max(v, &rectangles);
-        let beyond = v.vmul(slope, rectangles.depth);
+        let depth = v.vload_f32(nodes.column(field!(Node.depth)), at);
+        let beyond = v.vmul(slope, depth);
         let touched = v.vcmp_ge_masked(touched, beyond, self.distance);
-        let touched = v.vcmp_gt_masked(touched, rectangles.depth, zero);
-        let inverse = v.vrcp(slope);
-        let start = v.vmul(self.distance, inverse);
-        let less = v.vset_f32(1.0 - DOT_SLACK);
-        (touched, v.vmul(start, less))
+        (v.vcmp_gt_masked(touched, depth, zero), slope)
     }
+
+    #[inline(always)]
+    fn start(&self, v: &mut V, slope: V::F32) -> V::F32 {
+        plane_start(v, self.distance, slope)
+    }
+}
+
+/// Depth at which receivers of a rectangle come to be beyond a triangle's plane at `distance`, whose greatest slope there is `slope`.
+#[inline(always)]
+fn plane_start<V: Vpu>(v: &mut V, distance: V::F32, slope: V::F32) -> V::F32 {
+    let inverse = v.vrcp(slope);
+    let less = v.vset_f32(1.0 - DOT_SLACK);
+    let start = v.vmul(distance, inverse);
+    v.vmul(start, less)
 }
 
 /// A triangle in a face's frame, and how wide the penumbra about its image is by depth.
@@ -227,6 +257,8 @@ pub struct Wide<V: Vpu> {
 
 impl<V: Vpu> Touch<V> for Wide<V> {
     type Record = WideTriangle;
+    /// What is left of the widths, and the plane's greatest slope over each rectangle.
+    type Tested = (Left<V>, V::F32);
 
     #[inline(always)]
     fn set_up(v: &mut V, faces: &Faces, frame: FaceFrame, record: Record<V, WideTriangle>) -> Self {
@@ -286,36 +318,46 @@ impl<V: Vpu> Touch<V> for Wide<V> {
         let near = v.vmul(radius, per_depth);
         let cos = Widths::cos(v, radius, least, [zero, one]);
         let far = Widths::far(v, radius, cos, outside2, one);
-        Wide { edges, plane, distance, cuts, widths: Widths { near, far, everywhere } }
+        let slack = v.vset_f32(IMAGE_SLACK);
+        let widths = Widths::new(v, [near, far, slack]).or_everywhere(v, everywhere, zero);
+        Wide { edges, plane, distance, cuts, widths }
     }
 
     #[inline(always)]
-    fn touch(&self, v: &mut V, nodes: Columns<Node>, at: V::S32, live: Option<V::Mask>) -> (V::Mask, V::F32) {
-        let rectangles = Rectangles::load(v, nodes, at);
-        let reach = v.vload_f32(nodes.column(field!(Node.reach)), at);
+    fn touch(
+        &self,
+        v: &mut V,
+        nodes: Columns<Node>,
+        at: V::S32,
+        live: Option<V::Mask>,
+    ) -> (V::Mask, (Left<V>, V::F32)) {
+        let (inside, rectangles) = self.edges[0].max_of(v, nodes, at);
         let zero = v.vset_f32(0.0);
-        let mut outside = zero;
-        for edge in &self.edges {
+        let beyond = v.vsub(zero, inside);
+        let mut outside = v.vmax(zero, beyond);
+        for edge in &self.edges[1..] {
             let inside = edge.max(v, &rectangles);
             let beyond = v.vsub(zero, inside);
             outside = v.vmax(outside, beyond);
         }
-        let all = v.mask_all();
-        let slack = v.vset_f32(IMAGE_SLACK);
-        let (touched, start) = self.widths.touch(v, all, &rectangles, [reach, outside, slack, zero], live);
+        let (touched, left) = self.widths.touch(v, nodes, at, outside, live);
 
         // The deepest receiver beyond the plane.
         let slope = self.plane.max(v, &rectangles);
-        let beyond = v.vmul(slope, rectangles.depth);
+        let depth = v.vload_f32(nodes.column(field!(Node.depth)), at);
+        let beyond = v.vmul(slope, depth);
         let is_beyond = v.vcmp_ge(beyond, self.distance);
         let is_beyond = v.kor(is_beyond, self.cuts);
-        let touched = v.kand(touched, is_beyond);
-        let inverse = v.vrcp(slope);
-        let plane_start = v.vmul(self.distance, inverse);
-        let less = v.vset_f32(1.0 - DOT_SLACK);
-        let plane_start = v.vmul(plane_start, less);
+        (v.kand(touched, is_beyond), (left, slope))
+    }
+
+    #[inline(always)]
+    fn start(&self, v: &mut V, (left, slope): (Left<V>, V::F32)) -> V::F32 {
+        let start = self.widths.start(v, left);
+        let plane_start = plane_start(v, self.distance, slope);
+        let zero = v.vset_f32(0.0);
         let plane_start = v.vblend_f32(self.cuts, zero, plane_start);
-        (touched, v.vmax(start, plane_start))
+        v.vmax(start, plane_start)
     }
 }
 
@@ -384,14 +426,11 @@ pub struct Edge<V: Vpu> {
     along: [V::F32; 2],
     per_length2: V::F32,
     widths: Widths<V>,
-    /// Some of the edge is in front of the face.
-    in_front: V::Mask,
-    /// Rounding of positions on the image plane; `None`: [`IMAGE_SLACK`], and widths are those of discs that face the receivers.
-    flat: Option<V::F32>,
 }
 
 impl<V: Vpu> Touch<V> for Edge<V> {
     type Record = EdgeRecord;
+    type Tested = Left<V>;
 
     #[inline(always)]
     fn set_up(v: &mut V, faces: &Faces, frame: FaceFrame, record: Record<V, EdgeRecord>) -> Self {
@@ -413,48 +452,105 @@ impl<V: Vpu> Touch<V> for Edge<V> {
         let per_length2 = v.vrcp(length2);
         let per_length2 = v.vblend_f32(has_length, per_length2, zero);
 
-        if faces.form == primitives::Form::Printed {
-            let everywhere = v.mask_none();
-            let widths = Widths { near: radius, far: radius, everywhere };
-            let edge = Edge { from, along, per_length2, widths, in_front, flat: None };
-            return edge.flattened(v, to, [per_a, per_b]);
-        }
-
         let per_depth = v.vmax(per_a, per_b);
         let near = v.vmul(radius, per_depth);
+        let slack = v.vset_f32(IMAGE_SLACK);
+        if faces.form == primitives::Form::Printed {
+            // Ends that lie far off the face round by their own size.
+            let mut farthest = one;
+            for x in [from[0], from[1], to[0], to[1]] {
+                let size = v.vabs(x);
+                farthest = v.vmax(farthest, size);
+            }
+            let slack = v.vmul(farthest, slack);
+            let less = v.vset_f32(1.0 - WIDTH_SLACK);
+            let far = v.vmul(radius, less);
+            let widths = Widths { is_flat: true, ..Widths::new(v, [near, far, slack]) };
+            return Edge { from, along, per_length2, widths: widths.unless_behind(v, in_front) };
+        }
+
         let cos = Widths::cos(v, radius, least, [zero, one]);
-        let widths = Widths { near, far: zero, everywhere };
-        let edge = Edge { from, along, per_length2, widths, in_front, flat: None };
-        let origin_distance2 = edge.distance2(v, [zero, zero]);
+        let origin = [v.vsub(zero, from[0]), v.vsub(zero, from[1])];
+        let origin_distance2 = distance2(v, origin, along, per_length2, [zero, one]);
         let far = Widths::far(v, radius, cos, origin_distance2, one);
-        Edge { widths: Widths { far, ..edge.widths }, ..edge }
+        let widths = Widths::new(v, [near, far, slack]).unless_behind(v, in_front);
+        Edge { from, along, per_length2, widths: widths.or_everywhere(v, everywhere, zero) }
+    }
+
+    /// The distance of a rectangle is that of its middle less half of its diagonal, at least.
+    #[inline(always)]
+    fn touch(
+        &self,
+        v: &mut V,
+        nodes: Columns<Node>,
+        at: V::S32,
+        live: Option<V::Mask>,
+    ) -> (V::Mask, Left<V>) {
+        let x = v.vload_f32(nodes.column(field!(Node.center[0])), at);
+        let x = v.vsub(x, self.from[0]);
+        let y = v.vload_f32(nodes.column(field!(Node.center[1])), at);
+        let y = v.vsub(y, self.from[1]);
+        let zero = v.vset_f32(0.0);
+        let one = v.vset_f32(1.0);
+        let distance2 = distance2(v, [x, y], self.along, self.per_length2, [zero, one]);
+        let per_distance = v.vrsqrt(distance2);
+        let half = v.vload_f32(nodes.column(field!(Node.half_diagonal)), at);
+        let distance = v.vmul(distance2, per_distance);
+        let distance = v.vsub(distance, half);
+        // The greater of a NaN and 0 is 0: a middle on the edge itself.
+        let distance = v.vmax(distance, zero);
+        self.widths.touch(v, nodes, at, distance, live)
     }
 
     #[inline(always)]
-    fn touch(&self, v: &mut V, nodes: Columns<Node>, at: V::S32, live: Option<V::Mask>) -> (V::Mask, V::F32) {
-        let rectangles = Rectangles::load(v, nodes, at);
-        if let Some(slack) = self.flat {
-            return self.touch_flat(v, &rectangles, slack, live);
-        }
-        let reach = v.vload_f32(nodes.column(field!(Node.reach)), at);
-        let zero = v.vset_f32(0.0);
-        let slack = v.vset_f32(IMAGE_SLACK);
-        let distance = self.least_distance(v, &rectangles, slack, zero);
-        self.widths.touch(v, self.in_front, &rectangles, [reach, distance, slack, zero], live)
+    fn start(&self, v: &mut V, left: Left<V>) -> V::F32 {
+        self.widths.start(v, left)
     }
 }
 
 /// Half widths of the penumbra about the image of a primitive, on the plane at depth 1.
 struct Widths<V: Vpu> {
-    /// `r / z_v`, for the least depth of the primitive.
+    /// `r / z_v`, for the least depth of the primitive; infinite for one so close to the light that it is taken to touch everything.
     near: V::F32,
-    /// `r cos phi |v'|`, for the least of each.
+    /// `r cos phi |v'|`, for the least of each; 0 for one that touches everything.
     far: V::F32,
-    /// The primitive is so close to the light that it is taken to touch everything.
-    everywhere: V::Mask,
+    /// Rounding of positions on the image plane; -[`FAR`] for what is behind the face.
+    slack: V::F32,
+    /// Widths are those of discs along the face and not of discs that face the receivers.
+    is_flat: bool,
+}
+
+/// What is left of the half width of a penumbra at a rectangle: that at infinite depth, and how far off the rectangle is.
+pub struct Left<V: Vpu> {
+    widest: V::F32,
+    distance: V::F32,
 }
 
 impl<V: Vpu> Widths<V> {
+    /// Widths of discs that face the receivers. `near` gets its rounding here.
+    #[inline(always)]
+    fn new(v: &mut V, [near, far, slack]: [V::F32; 3]) -> Widths<V> {
+        let more = v.vset_f32(1.0 + WIDTH_SLACK);
+        let near = v.vmul(near, more);
+        Widths { near, far, slack, is_flat: false }
+    }
+
+    /// These widths, but less than nothing unless the primitive is `in_front` of the face.
+    #[inline(always)]
+    fn unless_behind(self, v: &mut V, in_front: V::Mask) -> Widths<V> {
+        let none = v.vset_f32(-FAR);
+        Widths { slack: v.vblend_f32(in_front, self.slack, none), ..self }
+    }
+
+    /// These widths, but wider than anything where the primitive touches `everywhere`, be it behind the face. The constant 0 is the caller's.
+    #[inline(always)]
+    fn or_everywhere(self, v: &mut V, everywhere: V::Mask, zero: V::F32) -> Widths<V> {
+        let all = v.vset_f32(f32::INFINITY);
+        let near = v.vblend_f32(everywhere, all, self.near);
+        let far = v.vblend_f32(everywhere, zero, self.far);
+        Widths { near, far, ..self }
+    }
+
     /// Least cos phi of a primitive that comes as near as `least` to the light. The constants 0 and 1 are the caller's.
     #[inline(always)]
     fn cos(v: &mut V, radius: V::F32, least: V::F32, [zero, one]: [V::F32; 2]) -> V::F32 {
@@ -476,35 +572,40 @@ impl<V: Vpu> Widths<V> {
         v.vmul(far, less)
     }
 
-    /// Rectangles that the penumbra touches, and from which depth on, as [`Touch::touch`] has them. Receivers in a rectangle are at most
-    /// `reach` times their depth from the light, and it is `distance` or more from the image, by positions that are off by up to `slack`.
-    /// The constant 0 is the caller's.
+    /// Rectangles that the penumbra touches, `distance` or more from the image, and what is left of it there.
+    ///
+    /// Receivers in a rectangle are at most [`Node::reach`] times their depth from the light. Where there are none it is far below 0,
+    /// and one over their depth far above: no width is left.
     #[inline(always)]
     fn touch(
         &self,
         v: &mut V,
-        in_front: V::Mask,
-        rectangles: &Rectangles<V>,
-        [reach, distance, slack, zero]: [V::F32; 4],
+        nodes: Columns<Node>,
+        at: V::S32,
+        distance: V::F32,
         live: Option<V::Mask>,
-    ) -> (V::Mask, V::F32) {
+    ) -> (V::Mask, Left<V>) {
         // Half width of the penumbra at the deepest receiver, at most.
-        let more = v.vset_f32(1.0 + WIDTH_SLACK);
-        let widest = v.vmul(self.near, reach);
-        let widest = v.vmul(widest, more);
-        let per_depth = v.vrcp(rectangles.depth);
+        let widest = if self.is_flat {
+            v.vadd(self.near, self.slack)
+        } else {
+            let reach = v.vload_f32(nodes.column(field!(Node.reach)), at);
+            v.vmadd(self.near, reach, self.slack)
+        };
+        let per_depth = v.vload_f32(nodes.column(field!(Node.per_depth)), at);
         let width = v.vnmadd(self.far, per_depth, widest);
-        let width = v.vadd(width, slack);
-        let touched = v.vcmp_le_masked(in_front, distance, width);
-        let touched = v.kor(touched, self.everywhere);
-        let touched = live.map_or(touched, |live| v.kand(touched, live));
-        let touched = v.vcmp_gt_masked(touched, rectangles.depth, zero);
+        let touched = match live {
+            None => v.vcmp_le(distance, width),
+            Some(live) => v.vcmp_le_masked(live, distance, width),
+        };
+        (touched, Left { widest, distance })
+    }
 
-        // Wedge test [algorithms, 2.7]: the depth at which the penumbra reaches the rectangle.
-        let wide = v.vadd(widest, slack);
-        let left = v.vsub(wide, distance);
-        let start = wedge_start(v, self.far, left);
-        (touched, v.vblend_f32(self.everywhere, zero, start))
+    /// Wedge test [algorithms, 2.7]: the depth at which the penumbra reaches a rectangle.
+    #[inline(always)]
+    fn start(&self, v: &mut V, Left { widest, distance }: Left<V>) -> V::F32 {
+        let left = v.vsub(widest, distance);
+        wedge_start(v, self.far, left)
     }
 }
 
@@ -624,77 +725,23 @@ fn face_bits<V: Vpu>(v: &mut V, touched: [V::Mask; FACES as usize]) -> V::I32 {
     bits
 }
 
-impl<V: Vpu> Edge<V> {
-    /// The edge with the widths of circles on the image plane, in place of the light's radius. Its image ends at `to`.
-    #[inline(always)]
-    fn flattened(self, v: &mut V, to: [V::F32; 2], per_depths: [V::F32; 2]) -> Edge<V> {
-        let per_depth = v.vmax(per_depths[0], per_depths[1]);
-        let near = v.vmul(self.widths.near, per_depth);
-        let more = v.vset_f32(1.0 + WIDTH_SLACK);
-        let near = v.vmul(near, more);
-        let less = v.vset_f32(1.0 - WIDTH_SLACK);
-        let far = v.vmul(self.widths.far, less);
-        // Ends that lie far off the face round by their own size.
-        let mut farthest = v.vset_f32(1.0);
-        for x in [self.from[0], self.from[1], to[0], to[1]] {
-            let size = v.vabs(x);
-            farthest = v.vmax(farthest, size);
-        }
-        let slack = v.vset_f32(IMAGE_SLACK);
-        let slack = v.vmul(farthest, slack);
-        Edge { widths: Widths { near, far, ..self.widths }, flat: Some(slack), ..self }
-    }
-
-    /// Which of 16 rectangles hold receivers whose circle the edge can touch, see [`Touch::touch`].
-    #[inline(always)]
-    fn touch_flat(
-        &self,
-        v: &mut V,
-        rectangles: &Rectangles<V>,
-        slack: V::F32,
-        live: Option<V::Mask>,
-    ) -> (V::Mask, V::F32) {
-        let zero = v.vset_f32(0.0);
-        let distance = self.least_distance(v, rectangles, slack, zero);
-
-        // Half width of the penumbra at the deepest receiver, at most [algorithms, 2.7].
-        let wide = v.vadd(self.widths.near, slack);
-        let per_depth = v.vrcp(rectangles.depth);
-        let width = v.vnmadd(self.widths.far, per_depth, wide);
-        let touched = v.vcmp_le_masked(self.in_front, distance, width);
-        let touched = live.map_or(touched, |live| v.kand(touched, live));
-        let touched = v.vcmp_gt_masked(touched, rectangles.depth, zero);
-        let left = v.vsub(wide, distance);
-        (touched, wedge_start(v, self.widths.far, left))
-    }
-
-    /// Distance of 16 rectangles from the edge's image, at least: positions are off by up to `slack`. The constant 0 is the caller's.
-    #[inline(always)]
-    fn least_distance(&self, v: &mut V, rectangles: &Rectangles<V>, slack: V::F32, zero: V::F32) -> V::F32 {
-        let distance2 = self.distance2(v, [rectangles.x, rectangles.y]);
-        let distance = math::sqrt(v, distance2);
-        let half2 = v.vmul(rectangles.half_y, rectangles.half_y);
-        let half2 = v.vmadd(rectangles.half_x, rectangles.half_x, half2);
-        let half = math::sqrt(v, half2);
-        let half = v.vadd(half, slack);
-        let distance = v.vsub(distance, half);
-        v.vmax(distance, zero)
-    }
-
-    /// Squared distance of 16 points from the edge's image.
-    #[inline(always)]
-    fn distance2(&self, v: &mut V, p: [V::F32; 2]) -> V::F32 {
-        let zero = v.vset_f32(0.0);
-        let one = v.vset_f32(1.0);
-        let d = [v.vsub(p[0], self.from[0]), v.vsub(p[1], self.from[1])];
-        let t = v.vmul(d[1], self.along[1]);
-        let t = v.vmadd(d[0], self.along[0], t);
-        let t = v.vmul(t, self.per_length2);
-        let t = v.vmax(t, zero);
-        let t = v.vmin(t, one);
-        let x = v.vnmadd(t, self.along[0], d[0]);
-        let y = v.vnmadd(t, self.along[1], d[1]);
-        let y2 = v.vmul(y, y);
-        v.vmadd(x, x, y2)
-    }
+/// Squared distance of 16 points from an edge's image, both taken from where the image begins: it runs `along`. The constants 0 and 1 are the
+/// caller's.
+#[inline(always)]
+fn distance2<V: Vpu>(
+    v: &mut V,
+    p: [V::F32; 2],
+    along: [V::F32; 2],
+    per_length2: V::F32,
+    [zero, one]: [V::F32; 2],
+) -> V::F32 {
+    let t = v.vmul(p[1], along[1]);
+    let t = v.vmadd(p[0], along[0], t);
+    let t = v.vmul(t, per_length2);
+    let t = v.vmax(t, zero);
+    let t = v.vmin(t, one);
+    let x = v.vnmadd(t, along[0], p[0]);
+    let y = v.vnmadd(t, along[1], p[1]);
+    let y2 = v.vmul(y, y);
+    v.vmadd(x, x, y2)
 }

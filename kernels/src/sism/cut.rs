@@ -33,7 +33,7 @@ use crate::plane::{Vec3, cross as cross3, dot as dot3, plane_slack, sub};
 use crate::record::{Record, Records};
 use crate::samples::LightSamples;
 use crate::scene::fill;
-use crate::segment::{Angle, Vec2, cross};
+use crate::segment::{Angle, Vec2, cross, or_nothing};
 
 /// Triangles that a step looks at, at most.
 const STEP_TRIANGLES: u32 = 16;
@@ -254,7 +254,8 @@ fn part_in<V: Vpu>(v: &mut V, view: &View<V>, polygon: &Polygon<V>) -> V::F32 {
     let mut area = zero;
     for &(live, from, to) in &polygon.sides[..polygon.count] {
         // The part beyond the side is missing where the middle is left of it, and too much where it is right.
-        let (cuts, part) = view.part_beyond(v, live, from, to, Angle::Atan2);
+        let part = view.part_beyond(v, live, from, to, Angle::Atan2);
+        let (cuts, part) = or_nothing(v, part);
         let turn = cross(v, from, to);
         let left = v.vcmp_ge(turn, zero);
         let less = v.kand(left, cuts);

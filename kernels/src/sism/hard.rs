@@ -23,7 +23,7 @@ use crate::irregular::primitives::{BACK, FRONT, Primitives, TriangleRecord};
 use crate::irregular::raster::CellRecord;
 use crate::irregular::receivers::Receiver;
 use crate::irregular::run::{Samples, Shade, Walk};
-use crate::plane::{Vec3, dot, side};
+use crate::plane::{Vec3, dot_of};
 use crate::record::{Record, Records};
 
 /// Counts the layers of every sample in a block that holds triangles, to [`Sums::layers`]: one task a run.
@@ -114,7 +114,7 @@ pub fn count_layers<V: Vpu>(
     triangle: Record<V, TriangleRecord>,
     layers: [V::I32; 2],
 ) -> [V::I32; 2] {
-    let covered = hidden(v, live, points, own, number, triangle);
+    let Some(covered) = hidden(v, live, points, own, number, triangle) else { return layers };
     if !v.branch_any(covered) {
         return layers;
     }
@@ -127,7 +127,7 @@ pub fn count_layers<V: Vpu>(
     [v.viadd_or(layers[0], covered, layers[0], front), v.viadd_or(layers[1], covered, layers[1], back)]
 }
 
-/// Points of `live` that a triangle hides from the middle of the light.
+/// Points of `live` that a triangle hides from the middle of the light; `None` where all are outside of its edges.
 ///
 /// * `points`: light-centred.
 /// * `own`: number of the triangle that each point lies on, which does not shadow it.
@@ -143,12 +143,12 @@ pub fn hidden<V: Vpu>(
     own: V::I32,
     number: V::I32,
     triangle: Record<V, TriangleRecord>,
-) -> V::Mask {
+) -> Option<V::Mask> {
     // Inside: on the triangle's side of all three edge planes; sign bits of side and flag agree.
     let mut outside = None;
     for edge in 0..3 {
-        let normal = triangle.vec3(v, field!(TriangleRecord.edge_normals[edge]));
-        let side = side(v, points, normal);
+        let side = dot_of(v, points, triangle, field!(TriangleRecord.edge_normals[edge]));
+        let side = v.bits_of(side);
         let flag = triangle.int(v, field!(TriangleRecord.flags[edge]));
         let differs = v.vxor(side, flag);
         outside = Some(match outside {
@@ -162,12 +162,11 @@ pub fn hidden<V: Vpu>(
         None => live,
     };
     if !v.branch_any(inside) {
-        return inside;
+        return None;
     }
     // Beyond the plane, whose normal points away from the light, and not on the triangle itself.
-    let normal = triangle.vec3(v, field!(TriangleRecord.normal));
+    let depth = dot_of(v, points, triangle, field!(TriangleRecord.normal));
     let plane = triangle.float(v, field!(TriangleRecord.plane));
-    let depth = dot(v, points, normal);
     let beyond = v.vcmp_gt_masked(inside, depth, plane);
-    v.vicmp_neq_masked(beyond, own, number)
+    Some(v.vicmp_neq_masked(beyond, own, number))
 }

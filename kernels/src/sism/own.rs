@@ -17,7 +17,7 @@ use crate::irregular::primitives::{BACK, CUTS, FRONT, Primitives, TriangleRecord
 use crate::light::{Horizon, View};
 use crate::plane::Vec3;
 use crate::record::words;
-use crate::segment::Angle;
+use crate::segment::{Angle, or_nothing};
 
 /// What takes the own triangles of receivers out of their sums.
 #[derive(Clone, Copy)]
@@ -64,7 +64,8 @@ impl Own {
         let zero = v.vset_f32(0.0);
         let view = view(v, &self.primitives.light, points);
         let Horizon { cuts, places: [from, to], .. } = self.horizon(v, &view, own);
-        let (live, part) = view.part_beyond(v, cuts, from, to, Angle::Atan2);
+        let part = view.part_beyond(v, cuts, from, to, Angle::Atan2);
+        let (live, part) = or_nothing(v, part);
         let part = fixed(v, part, zero);
         let part = v.vblend_i32(live, part, none);
         each!(layer in [FRONT, BACK] => {

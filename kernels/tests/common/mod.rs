@@ -264,9 +264,10 @@ fn printed_sums<V: Vpu>(
         let end = v.s_imm(primitives.edge_count as i32);
         let mut i = v.s_imm(0);
         while v.branch(Compare::Less, i, end) {
-            let (touched, f) = printed.part(v, &plane, here, i, Angle::Atan2);
-            let edge = primitives.edges.record(v, i);
-            coverage = soft::add_part(v, touched, f, points, edge, Kept::Fixed, coverage);
+            if let Some((touched, f)) = printed.part(v, &plane, here, i, Angle::Atan2) {
+                let edge = primitives.edges.record(v, i);
+                coverage = soft::add_part(v, touched, f, points, edge, Kept::Fixed, coverage);
+            }
             i = v.s_add(i, one);
         }
     }

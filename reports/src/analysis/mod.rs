@@ -3,6 +3,7 @@
 mod fit;
 mod pareto;
 mod power_law;
+mod published;
 mod sensitivity;
 mod speedup;
 mod table;
@@ -84,6 +85,7 @@ pub fn findings(digest: &Digest) -> Vec<Finding> {
             AnalysisKind::PowerLaw => power_law::power_law(&data, analysis),
             AnalysisKind::Pareto => pareto::pareto(&data, analysis),
             AnalysisKind::Sensitivity => sensitivity::sensitivity(&data, analysis),
+            AnalysisKind::Published => published::published(&data, &file.published),
         };
         // The same analysis twice, with other options, has files of its own.
         let earlier = findings.iter().filter(|other| other.name.starts_with(&finding.name)).count();

@@ -168,3 +168,22 @@ fn a_study_without_results_has_findings_all_the_same() {
         assert!(!finding.sheet.markdown().is_empty());
     }
 }
+
+#[test]
+fn what_was_published_stands_beside_what_was_measured() {
+    let mut study = study(&["cores"], &["published"], &[(&[json!(1)], 8.0), (&[json!(2)], 5.0)]);
+    let published = |cores: u32, numbers: Value| json!({"source": "A paper, Table 1", "point": {"cores": cores}, "numbers": numbers});
+    let all = json!([
+        published(1, json!({"total.ms": 16.0, "phases.none.ms": 1.0})),
+        published(2, json!({"phases.soft.ms / total.ms": 0.25})),
+        published(3, json!({"total.ms": 1.0})),
+    ]);
+    study.study.published = serde_json::from_value(all).expect("sound");
+    let Finding { sheet, notes, plot, .. } = finding(&study, "published");
+    assert_eq!(notes, ["Published: A paper, Table 1."], "once");
+    let rows: Vec<Vec<f64>> = sheet.rows.iter().map(|row| numbers(row)).collect();
+    // Axis, measured, published, ratio; what was not measured has no ratio, and no bar.
+    assert_eq!(rows, [vec![1.0, 1.0], vec![1.0, 8.0, 16.0, 0.5], vec![2.0, 0.5, 0.25, 2.0]]);
+    let Some(Plot::Bars(bars)) = plot else { panic!("a bar each") };
+    assert_eq!(bars.bars.iter().map(|bar| bar.to).collect::<Vec<f64>>(), [0.5, 2.0]);
+}

@@ -22,15 +22,21 @@ pub fn div<V: Vpu>(v: &mut V, a: V::F32, b: V::F32) -> V::F32 {
 /// Within 1 ulp for `a` of at least 2^-102; 0 for 0; a NaN below 0 and for infinity.
 #[inline(always)]
 pub fn sqrt<V: Vpu>(v: &mut V, a: V::F32) -> V::F32 {
+    let refined = sqrt_positive(v, a);
     let zero = v.vset_f32(0.0);
-    let half = v.vset_f32(0.5);
-    let reciprocal = v.vrsqrt(a);
-    let root = v.vmul(a, reciprocal);
-    let rest = v.vnmadd(root, root, a);
-    let half_reciprocal = v.vmul(half, reciprocal);
-    let refined = v.vmadd(rest, half_reciprocal, root);
     let is_zero = v.vcmp_eq(a, zero);
     v.vblend_f32(is_zero, a, refined)
+}
+
+/// Square root of a number above 0, as [`sqrt`] has it; a NaN for 0.
+#[inline(always)]
+pub fn sqrt_positive<V: Vpu>(v: &mut V, a: V::F32) -> V::F32 {
+    let reciprocal = v.vrsqrt(a);
+    let half = v.vset_f32(0.5);
+    let root = v.vmul(a, reciprocal);
+    let half_reciprocal = v.vmul(half, reciprocal);
+    let rest = v.vnmadd(root, root, a);
+    v.vmadd(rest, half_reciprocal, root)
 }
 
 /// Angle of the point (x, y) from the x axis in [-pi, pi]; 0 for the origin.
@@ -41,42 +47,59 @@ pub fn sqrt<V: Vpu>(v: &mut V, a: V::F32) -> V::F32 {
 /// reduced to [-tan(pi/8), tan(pi/8)] (coefficients of Cephes `atanf`), and three foldings.
 #[inline(always)]
 pub fn atan2<V: Vpu>(v: &mut V, y: V::F32, x: V::F32) -> V::F32 {
-    let zero = v.vset_f32(0.0);
-    // Fold to the first octant.
-    let abs_x = v.vabs(x);
     let abs_y = v.vabs(y);
-    let high = v.vmax(abs_x, abs_y);
-    let low = v.vmin(abs_x, abs_y);
-    // Past pi/8 measure from pi/4 on: tan(a - pi/4) = (t - 1)/(t + 1).
-    let tan_pi_8 = v.vset_f32(0.414_213_57);
-    let bound = v.vmul(tan_pi_8, high);
-    let past = v.vcmp_gt(low, bound);
-    let num = v.vsub_or(low, past, low, high);
-    let den = v.vadd_or(high, past, low, high);
-    let t = div(v, num, den);
-    let z = v.vmul(t, t);
-    let c0 = v.vset_f32(8.053_744_5e-2);
-    let c1 = v.vset_f32(-1.387_768_6e-1);
-    let c2 = v.vset_f32(1.997_771_1e-1);
-    let c3 = v.vset_f32(-3.333_295e-1);
-    let p = v.vmadd(c0, z, c1);
-    let p = v.vmadd(p, z, c2);
-    let p = v.vmadd(p, z, c3);
-    let tz = v.vmul(t, z);
-    let angle = v.vmadd(p, tz, t);
-    let pi_4 = v.vset_f32(core::f32::consts::FRAC_PI_4);
-    let angle = v.vadd_or(angle, past, angle, pi_4);
-    // Unfold.
-    let steep = v.vcmp_gt(abs_y, abs_x);
-    let pi_2 = v.vset_f32(core::f32::consts::FRAC_PI_2);
-    let angle = v.vsub_or(angle, steep, pi_2, angle);
-    let behind = v.vcmp_lt(x, zero);
-    let pi = v.vset_f32(core::f32::consts::PI);
-    let angle = v.vsub_or(angle, behind, pi, angle);
+    let (angle, high) = angle_above(v, abs_y, x);
+    let zero = v.vset_f32(0.0);
     let below = v.vcmp_lt(y, zero);
     let angle = v.vsub_or(angle, below, zero, angle);
     let origin = v.vcmp_eq(high, zero);
     v.vblend_f32(origin, zero, angle)
+}
+
+/// Angle of the point (x, y) from the x axis in [0, pi], for `y` of at least 0: [`atan2`] but for the foldings that it needs no more. A NaN
+/// for the origin.
+#[inline(always)]
+pub fn atan2_above<V: Vpu>(v: &mut V, y: V::F32, x: V::F32) -> V::F32 {
+    angle_above(v, y, x).0
+}
+
+/// The angle of the point (x, y), for `y` of at least 0, and the greater of |x| and y.
+///
+/// Constants are loaded between the operations, which they pair with.
+#[inline(always)]
+fn angle_above<V: Vpu>(v: &mut V, y: V::F32, x: V::F32) -> (V::F32, V::F32) {
+    // Fold to the first octant.
+    let abs_x = v.vabs(x);
+    let tan_pi_8 = v.vset_f32(0.414_213_57);
+    let high = v.vmax(abs_x, y);
+    let low = v.vmin(abs_x, y);
+    // Past pi/8 measure from pi/4 on: tan(a - pi/4) = (t - 1)/(t + 1).
+    let bound = v.vmul(tan_pi_8, high);
+    let c0 = v.vset_f32(8.053_744_5e-2);
+    let past = v.vcmp_gt(low, bound);
+    let c1 = v.vset_f32(-1.387_768_6e-1);
+    let num = v.vsub_or(low, past, low, high);
+    let den = v.vadd_or(high, past, low, high);
+    let per_den = v.vrcp(den);
+    let t = v.vmul(num, per_den);
+    let z = v.vmul(t, t);
+    let c2 = v.vset_f32(1.997_771_1e-1);
+    let p = v.vmadd(c0, z, c1);
+    let c3 = v.vset_f32(-3.333_295e-1);
+    let p = v.vmadd(p, z, c2);
+    let tz = v.vmul(t, z);
+    let p = v.vmadd(p, z, c3);
+    let pi_4 = v.vset_f32(core::f32::consts::FRAC_PI_4);
+    let angle = v.vmadd(p, tz, t);
+    let angle = v.vadd_or(angle, past, angle, pi_4);
+    // Unfold.
+    let pi_2 = v.vset_f32(core::f32::consts::FRAC_PI_2);
+    let steep = v.vcmp_gt(y, abs_x);
+    let zero = v.vset_f32(0.0);
+    let angle = v.vsub_or(angle, steep, pi_2, angle);
+    let pi = v.vset_f32(core::f32::consts::PI);
+    let behind = v.vcmp_lt(x, zero);
+    (v.vsub_or(angle, behind, pi, angle), high)
 }
 
 /// Sum over the lanes, in every lane: four swizzles and adds.
