@@ -197,22 +197,40 @@ impl<V: Vpu> View<V> {
         record: Record<V, R>,
         ends: [Field<R, [f32; 3]>; 2],
     ) -> [Seen<V>; 2] {
-        let mut seen = [self.receiver; 2];
-        let mut coordinate = record.float(v, ends[0].at(2));
-        for (end, axis) in [(0, 2), (0, 1), (0, 0), (1, 2), (1, 1), (1, 0)] {
-            let q = v.vsub(coordinate, self.receiver[axis]);
-            if axis > 0 {
-                coordinate = record.float(v, ends[end].at(axis - 1));
-            } else if end == 0 {
-                coordinate = record.float(v, ends[1].at(2));
-            }
-            for (along, direction) in [self.s, self.t, self.axis].into_iter().enumerate() {
-                let before = seen[end][along];
-                seen[end][along] =
-                    if axis == 2 { v.vmul(q, direction[axis]) } else { v.vmadd(q, direction[axis], before) };
-            }
-        }
-        seen
+        let first = record.float(v, ends[0].at(2));
+        let (a, next) = self.see_loading(v, record, ends[0], first, Some(ends[1].at(2)));
+        let (b, _) = self.see_loading(v, record, ends[1], next, None);
+        [a, b]
+    }
+
+    /// The point at `end` of a record in this frame, whose last coordinate is `z`; what is at `next`, if anything, is loaded too.
+    #[inline(always)]
+    fn see_loading<R>(
+        &self,
+        v: &mut V,
+        record: Record<V, R>,
+        end: Field<R, [f32; 3]>,
+        z: V::F32,
+        next: Option<Field<R, f32>>,
+    ) -> (Seen<V>, V::F32) {
+        let q = v.vsub(z, self.receiver[2]);
+        let y = record.float(v, end.at(1));
+        let s = v.vmul(q, self.s[2]);
+        let t = v.vmul(q, self.t[2]);
+        let height = v.vmul(q, self.axis[2]);
+        let q = v.vsub(y, self.receiver[1]);
+        let x = record.float(v, end.at(0));
+        let s = v.vmadd(q, self.s[1], s);
+        let t = v.vmadd(q, self.t[1], t);
+        let height = v.vmadd(q, self.axis[1], height);
+        let q = v.vsub(x, self.receiver[0]);
+        let next = match next {
+            Some(next) => record.float(v, next),
+            None => x,
+        };
+        let s = v.vmadd(q, self.s[0], s);
+        let t = v.vmadd(q, self.t[0], t);
+        ([s, t, v.vmadd(q, self.axis[0], height)], next)
     }
 
     /// The places of the edge `a -> b`, clipped to heights between receiver and light; first, the lanes of `live` in which some of it is
@@ -228,20 +246,20 @@ impl<V: Vpu> View<V> {
         let inside = v.vcmp_le(upper, self.height);
         let inside = v.vcmp_ge_masked(inside, lower, low);
         // What the branch waits for and what is wanted next, by turns.
-        let mut per_height = [v.vrcp(a[2]); 2];
+        let mut per_a = v.vrcp(a[2]);
         let cut = v.kandn(inside, live);
-        per_height[1] = v.vrcp(b[2]);
+        let mut per_b = v.vrcp(b[2]);
         let mut live = live;
         if v.branch_any(cut) {
             live = clip_to(v, live, [inside, cut], [low, self.height], &mut a, &mut b);
-            per_height = [v.vrcp(a[2]), v.vrcp(b[2])];
+            per_a = v.vrcp(a[2]);
+            per_b = v.vrcp(b[2]);
         }
-        let places = each!(end in [(a, per_height[0]), (b, per_height[1])] => {
-            let (seen, per_height) = end;
-            let k = v.vmul(self.scale, per_height);
-            self.place_of(v, seen, k)
-        });
-        (live, places)
+        let k = v.vmul(self.scale, per_a);
+        let from = self.place_of(v, a, k);
+        let k = v.vmul(self.scale, per_b);
+        let to = self.place_of(v, b, k);
+        (live, [from, to])
     }
 
     /// The place of a point that is `seen`, for the factor `k` from it to the light.
