@@ -228,7 +228,6 @@ mod tests {
         let looker = Looker::start().expect("a thread");
         let long = Duration::from_millis(60);
         {
-            // A work that no test beside this one does.
             let _work = doing(Work::Other);
             std::thread::sleep(long);
         }

@@ -96,7 +96,7 @@ impl Written {
 
 fn untimed(study: &str) -> BadInput {
     BadInput::new(format!("the study of {study} has no times to compare"))
-        .with_help("its JSON is text, the same wherever it is made: `diff` tells what changed")
+        .with_help("its JSON is text: `diff` tells what changed")
 }
 
 fn read_versioned<T: DeserializeOwned>(shown: &str, text: &str) -> Result<T, BadInput> {

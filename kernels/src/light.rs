@@ -233,10 +233,10 @@ impl<V: Vpu> View<V> {
         ([s, t, v.vmadd(q, self.axis[0], height)], next)
     }
 
-    /// The places of the edge `a -> b`, clipped to heights between receiver and light; first, the lanes of `live` in which some of it is
-    /// left. Each vertex has its own, see [`View::project`].
+    /// The places of the ends of the edge `a -> b`, see [`View::project`], clipped to heights between receiver and light; first, the lanes of
+    /// `live` in which some of it is left.
     ///
-    /// Two compares a point and a branch where nothing is to be clipped, which is the common case.
+    /// Two compares and a branch where nothing is to be clipped, which is the common case.
     #[inline(always)]
     pub fn place(&self, v: &mut V, live: V::Mask, [mut a, mut b]: [Seen<V>; 2]) -> (V::Mask, [Vec2<V>; 2]) {
         let lower = v.vmin(a[2], b[2]);

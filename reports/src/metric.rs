@@ -61,7 +61,8 @@ pub const ERROR_PLACES: [(&str, &str); 3] = [
 /// The title of a path for people, with its unit.
 pub fn title(path: &str) -> String {
     if let Some((of, by)) = ratio(path) {
-        return format!("{} / {}", title(of), title(by));
+        // No unit: what stands behind a comma would be taken for that of the whole.
+        return format!("{} / {}", of.trim_start_matches("phases."), by.trim_start_matches("phases."));
     }
     let last = path.rsplit('.').next().unwrap_or(path);
     let name = path.strip_suffix(last).unwrap_or("").trim_end_matches('.').trim_start_matches("phases.");
@@ -105,6 +106,6 @@ mod tests {
         assert_eq!(title("total.ms"), "total, ms");
         assert_eq!(title("image.error.mean"), "mean error");
         assert_eq!(title("scene.triangles"), "scene.triangles");
-        assert_eq!(title("phases.grid.ms / scene.receivers"), "grid, ms / scene.receivers");
+        assert_eq!(title("phases.grid.ms / scene.receivers"), "grid.ms / scene.receivers");
     }
 }

@@ -46,13 +46,23 @@ pub struct StudyFile {
     pub published: Vec<Published>,
 }
 
+/// The values that an exclusion or [`Published`] names for an axis: those of a list, or the one that stands alone.
+pub fn named(value: &Value) -> &[Value] {
+    value.as_array().map_or(std::slice::from_ref(value), Vec::as_slice)
+}
+
+/// Whether two values of an axis are one: 24 and 24.0 are.
+pub fn same(a: &Value, b: &Value) -> bool {
+    a == b || (a.is_number() && a.as_f64() == b.as_f64())
+}
+
 /// Numbers that others published of a point.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Published {
     /// Where the numbers stand.
     pub source: String,
-    /// The point that they are of: values of axes. Of several points that have these values they are of each.
+    /// The point that they are of: by axis its value, or a list of values. Of several points that have these they are of each.
     pub point: BTreeMap<String, Value>,
     /// The numbers, by their path in the report.
     pub numbers: BTreeMap<String, f64>,

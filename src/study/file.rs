@@ -278,8 +278,19 @@ fn check_numbers(file: &StudyFile, at: &dyn Fn(BadInput, &str, &str) -> BadInput
         if let Some(y) = &analysis.y {
             check(y, &format!("analysis[{index}].y"), &[])?;
         }
-        let measured = analysis.y.as_ref().unwrap_or(&file.metric);
-        if analysis.kind != AnalysisKind::Table && untimed && is_timed(measured) {
+        let measured = match analysis.kind {
+            AnalysisKind::Table => None,
+            AnalysisKind::Published => file
+                .published
+                .iter()
+                .flat_map(|published| published.numbers.keys())
+                .find(|path| is_timed(path)),
+            _ => Some(analysis.y.as_ref().unwrap_or(&file.metric)),
+        };
+        if let Some(measured) = measured
+            && untimed
+            && is_timed(measured)
+        {
             let bad = BadInput::new(format!("`{measured}` is what this analysis is of, and functional runs have no times"))
                 .with_help("take another fidelity, or `\"metric\": \"phases.soft.instructions.total\"` or another number without time");
             return Err(at(bad, &format!("analysis[{index}]"), "nothing to analyze"));

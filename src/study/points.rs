@@ -66,15 +66,7 @@ pub fn expand(file: &StudyFile, base: &Recipe, whole: &[bool]) -> Result<Vec<Poi
     Ok(kept)
 }
 
-/// The values that an exclusion names for an axis: those of a list, or the one that stands alone.
-pub fn named(value: &Value) -> &[Value] {
-    value.as_array().map_or(std::slice::from_ref(value), Vec::as_slice)
-}
-
-/// 24 and 24.0 are one value.
-pub fn same(a: &Value, b: &Value) -> bool {
-    a == b || (a.is_number() && a.as_f64() == b.as_f64())
-}
+pub use lrbsim_reports::study::{named, same};
 
 fn grid(axes: &[StudyAxis]) -> Vec<Point> {
     axes.iter().fold(vec![Vec::new()], |points, axis| {

@@ -24,9 +24,9 @@ pub struct Node {
     pub depth: f32,
     /// Half of the diagonal of the rectangle, and what positions on the image plane are rounded by.
     pub half_diagonal: f32,
-    /// One over the greatest depth of a receiver inside; [`FAR`] where there is none.
+    /// One over the greatest depth of a receiver inside; 1e30 where there is none.
     pub per_depth: f32,
-    /// Greatest distance from the light of a point of the rectangle on the image plane; -[`FAR`] where no receiver is inside.
+    /// Greatest distance from the light of a point of the rectangle on the image plane; -1e30 where no receiver is inside.
     pub reach: f32,
 }
 
@@ -253,7 +253,7 @@ impl Kernel for Bins {
     }
 }
 
-/// Stores up to 16 rectangles with their depths and reach; `size` is the whole width and height.
+/// Stores up to 16 rectangles with all that a [`Node`] has; `size` is the whole width and height.
 #[inline(always)]
 fn store_nodes<V: Vpu>(
     v: &mut V,

@@ -131,7 +131,7 @@ impl<V: Vpu> Form<V> {
         v.vmadd(self.size_b, r.half_y, at)
     }
 
-    /// As [`Form::max`], over the rectangles of nodes from `at` on, which are loaded meanwhile; these too.
+    /// As [`Form::max`], over the rectangles of nodes from `at` on, which are loaded meanwhile and returned.
     #[inline(always)]
     fn max_of(&self, v: &mut V, nodes: Columns<Node>, at: V::S32) -> (V::F32, Rectangles<V>) {
         let y = v.vload_f32(nodes.column(field!(Node.center[1])), at);

@@ -4,7 +4,7 @@ use super::{Data, Finding};
 use crate::metric::title;
 use crate::plot::{Bar, Bars, Plot};
 use crate::sheet::{Cell, Sheet, show_value};
-use crate::study::Published;
+use crate::study::{Published, named, same};
 
 pub(super) fn published(data: &Data, published: &[Published]) -> Finding {
     let mut columns = data.axes.clone();
@@ -15,10 +15,9 @@ pub(super) fn published(data: &Data, published: &[Published]) -> Finding {
             sources.push(source.clone());
         }
         let is_it = |values: &[serde_json::Value]| {
-            data.axes
-                .iter()
-                .zip(values)
-                .all(|(axis, value)| point.get(axis).is_none_or(|named| named == value))
+            data.axes.iter().zip(values).all(|(axis, value)| {
+                point.get(axis).is_none_or(|of_axis| named(of_axis).iter().any(|one| same(one, value)))
+            })
         };
         for row in data.rows.iter().filter(|row| is_it(row.values)) {
             for (path, theirs) in numbers {

@@ -22,28 +22,21 @@ pub fn div<V: Vpu>(v: &mut V, a: V::F32, b: V::F32) -> V::F32 {
 /// Within 1 ulp for `a` of at least 2^-102; 0 for 0; a NaN below 0 and for infinity.
 #[inline(always)]
 pub fn sqrt<V: Vpu>(v: &mut V, a: V::F32) -> V::F32 {
-    let refined = sqrt_positive(v, a);
-    let zero = v.vset_f32(0.0);
-    let is_zero = v.vcmp_eq(a, zero);
-    v.vblend_f32(is_zero, a, refined)
-}
-
-/// Square root of a number above 0, as [`sqrt`] has it; a NaN for 0.
-#[inline(always)]
-pub fn sqrt_positive<V: Vpu>(v: &mut V, a: V::F32) -> V::F32 {
     let reciprocal = v.vrsqrt(a);
     let half = v.vset_f32(0.5);
     let root = v.vmul(a, reciprocal);
     let half_reciprocal = v.vmul(half, reciprocal);
     let rest = v.vnmadd(root, root, a);
-    v.vmadd(rest, half_reciprocal, root)
+    let refined = v.vmadd(rest, half_reciprocal, root);
+    let zero = v.vset_f32(0.0);
+    let is_zero = v.vcmp_eq(a, zero);
+    v.vblend_f32(is_zero, a, refined)
 }
 
 /// Angle of the point (x, y) from the x axis in [-pi, pi]; 0 for the origin.
 ///
 /// Absolute error at most 3e-7, and relative error at most 4e-7 of an angle that is normal, where the greater of |x| and
-/// |y| lies in [2^-100, 2^126]; a NaN where it is denormal, infinite or beyond f32::MAX / 2. Zeros have no sign: (-1, -0)
-/// is at +pi. One division, a polynomial of degree 9 in the tangent
+/// |y| lies in [2^-100, 2^126], and not for others. Zeros have no sign: (-1, -0) is at +pi. One reciprocal, a polynomial of degree 9 in the tangent
 /// reduced to [-tan(pi/8), tan(pi/8)] (coefficients of Cephes `atanf`), and three foldings.
 #[inline(always)]
 pub fn atan2<V: Vpu>(v: &mut V, y: V::F32, x: V::F32) -> V::F32 {
