@@ -33,6 +33,8 @@ pub struct View<V: Vpu> {
     per_radius: V::F32,
     /// The height times `per_radius`.
     scale: V::F32,
+    /// Least height of what can be an occluder.
+    lowest: V::F32,
     /// Place of the receiver's foot point on the light's plane; `None` for a facing disc, whose middle it is.
     foot: Option<Vec2<V>>,
     /// What places belong to the light.
@@ -47,6 +49,7 @@ impl<V: Vpu> View<V> {
     #[inline(always)]
     pub fn new(v: &mut V, shape: &LightShape, receiver: Vec3<V>, per_radius: V::F32) -> View<V> {
         let outline = shape.outline();
+        let least = v.vset_f32(HEIGHT_MIN);
         match shape {
             LightShape::Facing => {
                 // a = -p/|p|; s and t by the branchless basis of Duff et al. 2017.
@@ -59,7 +62,20 @@ impl<V: Vpu> View<V> {
                     [v.vmul(receiver[0], minus), v.vmul(receiver[1], minus), v.vmul(receiver[2], minus)];
                 let (s, t) = basis(v, axis);
                 let scale = v.vmul(height, per_radius);
-                View { receiver, axis, s, t, units: None, height, per_radius, scale, foot: None, outline }
+                let lowest = v.vmul(height, least);
+                View {
+                    receiver,
+                    axis,
+                    s,
+                    t,
+                    units: None,
+                    height,
+                    per_radius,
+                    scale,
+                    lowest,
+                    foot: None,
+                    outline,
+                }
             }
             LightShape::Disc { normal } => {
                 let normal = constant(v, *normal);
@@ -69,7 +85,8 @@ impl<V: Vpu> View<V> {
                 let along_s = dot(v, receiver, s);
                 let along_t = dot(v, receiver, t);
                 let foot = Some([v.vmul(along_s, per_radius), v.vmul(along_t, per_radius)]);
-                View { receiver, axis, s, t, units: None, height, per_radius, scale, foot, outline }
+                let lowest = v.vmul(height, least);
+                View { receiver, axis, s, t, units: None, height, per_radius, scale, lowest, foot, outline }
             }
             LightShape::Rect { halves: [a, b] } | LightShape::Triangle { halves: [a, b] } => {
                 let across = a.cross(*b);
@@ -82,7 +99,8 @@ impl<V: Vpu> View<V> {
                 let units = Some(around(v, shape, above, [*a, *b]));
                 let foot = Some([dot(v, receiver, s), dot(v, receiver, t)]);
                 let per_radius = v.vset_f32(1.0);
-                View { receiver, axis, s, t, units, height, per_radius, scale: height, foot, outline }
+                let lowest = v.vmul(height, least);
+                View { receiver, axis, s, t, units, height, per_radius, scale: height, lowest, foot, outline }
             }
             LightShape::Line { half } => {
                 let s = constant(v, *half * half.length_squared().recip());
@@ -100,7 +118,8 @@ impl<V: Vpu> View<V> {
                 let foot = Some([along, zero]);
                 let per_radius = v.vset_f32(1.0);
                 let units = Some([unit, aside]);
-                View { receiver, axis, s, t, units, height, per_radius, scale: height, foot, outline }
+                let lowest = v.vmul(height, least);
+                View { receiver, axis, s, t, units, height, per_radius, scale: height, lowest, foot, outline }
             }
         }
     }
@@ -240,9 +259,8 @@ impl<V: Vpu> View<V> {
     #[inline(always)]
     pub fn place(&self, v: &mut V, live: V::Mask, [mut a, mut b]: [Seen<V>; 2]) -> (V::Mask, [Vec2<V>; 2]) {
         let lower = v.vmin(a[2], b[2]);
-        let least = v.vset_f32(HEIGHT_MIN);
         let upper = v.vmax(a[2], b[2]);
-        let low = v.vmul(self.height, least);
+        let low = self.lowest;
         let inside = v.vcmp_le(upper, self.height);
         let inside = v.vcmp_ge_masked(inside, lower, low);
         // What the branch waits for and what is wanted next, by turns.

@@ -78,23 +78,53 @@ impl Lists {
         int!(v, start + in_list)
     }
 
+    /// Adds an item to one list, at word `at` of the task's table; how many items the task put there before.
+    #[inline(always)]
+    pub fn add_one<V: Vpu>(&self, v: &mut V, at: V::S32) -> V::S32 {
+        let before = v.s_load(self.tables, at);
+        let after = scalar!(v, before + 1);
+        v.s_store(self.tables, at, after);
+        before
+    }
+
+    /// Adds an item to list `list`, when lists are filled; its place. `at` as in [`Lists::add_one`].
+    #[inline(always)]
+    pub fn place_one<V: Vpu>(&self, v: &mut V, at: V::S32, list: V::S32) -> V::S32 {
+        let in_list = self.add_one(v, at);
+        let start = v.s_load(self.starts, list);
+        scalar!(v, start + in_list)
+    }
+
+    /// The table of 16 words that begins at `at`: how long lists were before the task added to them, once it has been published.
+    #[inline(always)]
+    pub fn of_task<V: Vpu>(&self, v: &mut V, at: V::S32) -> V::I32 {
+        v.vload_i32(self.tables, at)
+    }
+
+    /// Adds `counts` items to 16 lists, from `list` on, and keeps at `at`, the task's table of 16 words, how long those were to which there
+    /// are any to add.
+    #[inline(always)]
+    pub fn publish_counts<V: Vpu>(&self, v: &mut V, at: V::S32, list: V::S32, counts: V::I32) {
+        let none = v.vset_i32(0);
+        let some = v.vicmp_neq(counts, none);
+        if v.branch_any(some) {
+            let lane = v.viota();
+            let first = v.vsplat(list);
+            let lists = int!(v, first + lane);
+            let before = v.vatomic_add_or(none, some, self.starts, lists, counts);
+            v.vstore_i32(some, self.tables, at, before);
+        }
+    }
+
     /// Adds the table that begins at `at` to the lengths of the lists from `list` on, and keeps in it how long they were.
     #[inline(always)]
     pub fn publish<V: Vpu>(&self, v: &mut V, at: V::S32, list: V::S32) {
         let end = scalar!(v, at + { self.words as i32 });
-        let lane = v.viota();
-        let none = v.vset_i32(0);
         let mut at = at;
         let mut list = list;
         while v.branch(Compare::Less, at, end) {
-            let counts = v.vload_i32(self.tables, at);
-            let some = v.vicmp_neq(counts, none);
-            if v.branch_any(some) {
-                let first = v.vsplat(list);
-                let lists = int!(v, first + lane);
-                let before = v.vatomic_add_or(none, some, self.starts, lists, counts);
-                v.vstore_i32(some, self.tables, at, before);
-            }
+            let counts = self.of_task(v, at);
+            self.publish_counts(v, at, list, counts);
             at = scalar!(v, at + 16);
             list = scalar!(v, list + 16);
         }

@@ -181,6 +181,75 @@ impl<V: Vpu, R> Record<V, R> {
     }
 }
 
+/// Where 16 lanes find what they are told of a primitive: one record for all of them, a [`Record`], or one for each, [`Gathered`].
+pub trait Source<V: Vpu, R>: Copy {
+    /// A field that is a float.
+    fn float(self, v: &mut V, field: Field<R, f32>) -> V::F32;
+
+    /// A field that is an integer.
+    fn int(self, v: &mut V, field: Field<R, i32>) -> V::I32;
+
+    /// A field that has three components.
+    #[inline(always)]
+    fn vec3(self, v: &mut V, field: Field<R, [f32; 3]>) -> Vec3<V> {
+        each!(axis in [0, 1, 2] => self.float(v, field.at(axis)))
+    }
+}
+
+impl<V: Vpu, R> Source<V, R> for Record<V, R> {
+    #[inline(always)]
+    fn float(self, v: &mut V, field: Field<R, f32>) -> V::F32 {
+        Record::float(self, v, field)
+    }
+
+    #[inline(always)]
+    fn int(self, v: &mut V, field: Field<R, i32>) -> V::I32 {
+        Record::int(self, v, field)
+    }
+}
+
+/// Sixteen records that a task reads, one in each lane: a gather a field.
+pub struct Gathered<V: Vpu, R> {
+    records: Records<R>,
+    /// Lanes that have a record; fields are 0 in the others.
+    live: V::Mask,
+    /// The first word of each lane's record.
+    at: V::I32,
+    none: V::I32,
+}
+
+impl<V: Vpu, R> Gathered<V, R> {
+    /// The records of these numbers. One multiplication of vectors.
+    #[inline(always)]
+    pub fn new(v: &mut V, records: Records<R>, live: V::Mask, numbers: V::I32) -> Gathered<V, R> {
+        let words = v.vset_i32(words::<R>() as i32);
+        let none = v.vset_i32(0);
+        Gathered { records, live, at: v.vimul(numbers, words), none }
+    }
+}
+
+impl<V: Vpu, R> Source<V, R> for Gathered<V, R> {
+    #[inline(always)]
+    fn float(self, v: &mut V, field: Field<R, f32>) -> V::F32 {
+        let zero = v.from_bits(self.none);
+        v.vgather_f32_or(zero, self.live, self.records.field(field), self.at)
+    }
+
+    #[inline(always)]
+    fn int(self, v: &mut V, field: Field<R, i32>) -> V::I32 {
+        v.vgather_i32_or(self.none, self.live, self.records.field(field), self.at)
+    }
+}
+
+impl<V: Vpu, R> Clone for Gathered<V, R> {
+    #[inline(always)]
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<V: Vpu, R> Copy for Gathered<V, R> {}
+
 impl<V: Vpu, R> Clone for Record<V, R> {
     #[inline(always)]
     fn clone(&self) -> Self {

@@ -21,7 +21,7 @@ pub enum Angle {
 /// Part F of the unit disc beyond the edge `u0 -> u1`, inside the wedge that the edge subtends at the centre.
 ///
 /// In [0, 1/2], unsigned; 0 outside the lanes returned, which are those of `live` where the edge cuts the disc. Error
-/// below 2e-7 of the disc, also for edges of 1e6 radii and of 1e-6. 75 operations; 19 where all lines
+/// below 2e-7 of the disc, also for edges of 1e6 radii and of 1e-6. 73 operations; 19 where all lines
 /// miss the disc.
 #[inline(always)]
 pub fn segment<V: Vpu>(v: &mut V, live: V::Mask, u0: Vec2<V>, u1: Vec2<V>) -> (V::Mask, V::F32) {
@@ -65,22 +65,22 @@ pub fn segment_by<V: Vpu>(
     }
 
     // The end points, measured along the edge from the foot of the perpendicular.
-    let chord = chord(v, d, [zero, one]);
+    let d2 = v.vmul(d, d);
+    let chord = chord(v, d2, [zero, one]);
     let a = along(v, u0, e, per_length);
     let a = on_chord(v, a, chord);
     let b = along(v, u1, e, per_length);
     let b = on_chord(v, b, chord);
-    stretch(v, live, d, [a, b], angle, zero)
+    stretch(v, live, [d, d2], [a, b], angle, zero)
 }
 
-/// The ends of the unit disc's chord on a line at distance `d` < 1 (NaN at 1), from the foot of the perpendicular; constants 0 and 1 are
-/// the caller's.
+/// The ends of the unit disc's chord on a line whose distance has the square `d2` < 1 (NaN at 1), from the foot of the perpendicular;
+/// constants 0 and 1 are the caller's.
 #[inline(always)]
-pub fn chord<V: Vpu>(v: &mut V, d: V::F32, [zero, one]: [V::F32; 2]) -> [V::F32; 2] {
-    let below = v.vsub(one, d);
-    let above = v.vadd(one, d);
-    let half_chord2 = v.vmul(below, above);
-    // Ends are cut off there, where the part hardly changes: a rounding or two more do no harm.
+pub fn chord<V: Vpu>(v: &mut V, d2: V::F32, [zero, one]: [V::F32; 2]) -> [V::F32; 2] {
+    let half_chord2 = v.vsub(one, d2);
+    // Ends are cut off there, where the part hardly changes: a rounding or two more do no harm, nor does it that short chords, beyond which
+    // there is next to nothing, are off by more.
     let per_h = v.vrsqrt(half_chord2);
     let h = v.vmul(half_chord2, per_h);
     [v.vsub(zero, h), h]
@@ -93,13 +93,13 @@ pub fn on_chord<V: Vpu>(v: &mut V, t: V::F32, chord: [V::F32; 2]) -> V::F32 {
     v.vmin(t, chord[1])
 }
 
-/// Part of the unit disc beyond the stretch `a..b` of a chord at distance `d`, as [`sector_less_triangle`] has it, in the lanes
+/// Part of the unit disc beyond the stretch `a..b` of a chord, at a distance that is given with its square, as [`sector_less_triangle`] has it, in the lanes
 /// returned, which are those of `live` where the stretch has any length; `None` where no lane has. The constant 0 is the caller's.
 #[inline(always)]
 pub fn stretch<V: Vpu>(
     v: &mut V,
     live: V::Mask,
-    d: V::F32,
+    distance: [V::F32; 2],
     [a, b]: [V::F32; 2],
     angle: Angle,
     zero: V::F32,
@@ -108,18 +108,22 @@ pub fn stretch<V: Vpu>(
     if !v.branch_any(live) {
         return None;
     }
-    let f = sector_less_triangle(v, d, [a, b], angle);
+    let f = sector_less_triangle(v, distance, [a, b], angle);
     // The greater of a NaN and 0 is 0: a stretch on the centre itself has no angle.
     Some((live, v.vmax(f, zero)))
 }
 
-/// The sector of the unit disc that the stretch `a..b` of a line at distance `d` spans, seen from the centre, less the triangle
-/// between them, as a part of the disc [johnson09, Eq. 3]. The stretch is measured from the foot of the perpendicular.
+/// The sector of the unit disc that the stretch `a..b` of a line spans, seen from the centre, less the triangle between them, as a part of
+/// the disc [johnson09, Eq. 3]. The line's distance is given with its square; the stretch is measured from the foot of the perpendicular.
 #[inline(always)]
-pub fn sector_less_triangle<V: Vpu>(v: &mut V, d: V::F32, [a, b]: [V::F32; 2], angle: Angle) -> V::F32 {
+pub fn sector_less_triangle<V: Vpu>(
+    v: &mut V,
+    [d, d2]: [V::F32; 2],
+    [a, b]: [V::F32; 2],
+    angle: Angle,
+) -> V::F32 {
     let width = v.vsub(b, a);
     let triangle = v.vmul(d, width);
-    let d2 = v.vmul(d, d);
     let x = v.vmadd(a, b, d2);
     let theta = match angle {
         Angle::Atan2 => math::atan2_above(v, triangle, x),

@@ -150,6 +150,40 @@ fn many_small_triangles_over_a_fine_grid_are_the_same() {
     }
 }
 
+/// Triangles that are next to nothing, along their sides or as seen from the light, and receivers about where their corners point.
+#[test]
+fn needles_are_the_same_past_their_points() {
+    for seed in 600..640 {
+        let mut random = Random(seed);
+        let mut mesh = Mesh::default();
+        let mut receivers = Vec::new();
+        for _ in 0..60 {
+            let first = random.vector().normalize() * random.within(0.5, 2.0);
+            // Along the line of sight as often as not, or nearly so.
+            let across = random.vector() * power_of_ten(random.within(-4.0, 0.0));
+            let along = if random.within(0.0, 1.0) < 0.5 { first + across } else { random.vector() };
+            let length = power_of_ten(random.within(-3.0, 0.0));
+            let second = first + along.normalize() * length;
+            let width = length * power_of_ten(random.within(-6.0, -0.5));
+            let third = first.lerp(second, random.within(-0.2, 1.2)) + random.vector() * width;
+            let corners = [first, second, third];
+            add_triangle(&mut mesh, corners);
+            for _ in 0..24 {
+                let [corner, other] = [0, 1].map(|k| corners[(random.within(0.0, 3.0) as usize + k) % 3]);
+                let past = (corner - other) * power_of_ten(random.within(-6.0, 0.0));
+                let aside = random.vector() * (width * random.within(0.0, 1.0));
+                receivers.push(((corner + past + aside) * random.within(0.9, 3.0), u32::MAX));
+            }
+        }
+        for radius in [0.0, 0.05] {
+            agree(
+                &format!("needles, seed {seed}, radius {radius}"),
+                &input(mesh.clone(), sphere(radius), &receivers),
+            );
+        }
+    }
+}
+
 #[test]
 fn one_receiver_is_the_same() {
     for seed in 500..540 {

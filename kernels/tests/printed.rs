@@ -282,8 +282,9 @@ impl Lanewise<3, 1> for Eq3 {
     fn eval<V: Vpu>(&self, v: &mut V, [d, w0, w1]: [V::F32; 3]) -> [V::F32; 1] {
         let zero = v.vset_f32(0.0);
         let size = v.vabs(d);
+        let size2 = v.vmul(size, size);
         let a = v.vsub(zero, w0);
-        let part = sector_less_triangle(v, size, [a, w1], self.0);
+        let part = sector_less_triangle(v, [size, size2], [a, w1], self.0);
         let inside = v.vcmp_lt(d, zero);
         [v.vsub_or(part, inside, zero, part)]
     }

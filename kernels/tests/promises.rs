@@ -21,11 +21,11 @@ use lrbsim_workloads::LightShape;
 use lrbsim_workloads::glam::DVec3;
 
 /// As in the docs of [`segment`], [`hidden`], [`add_edge`], [`hit`] and [`Printed::part`].
-const SEGMENT: [u64; 2] = [19, 75];
+const SEGMENT: [u64; 2] = [19, 73];
 const HIDDEN: [u64; 2] = [30, 39];
-const EDGE: [u64; 2] = [64, 140];
+const EDGE: [u64; 2] = [62, 136];
 const RAY: u64 = 52;
-const PRINTED: [u64; 2] = [34, 87];
+const PRINTED: [u64; 2] = [34, 85];
 
 /// Uops of one task of `kernel`, spills included.
 fn cost(kernel: impl Kernel + 'static, arena: &mut Arena) -> u64 {

@@ -174,7 +174,7 @@ impl Method for Atty {
 
         runner.phase(&SETUP);
         turned::turn(&frame, (&scene, count_of(&input.vertices)), &receivers, parts, runner)?;
-        let records = triangles::record(&scene, 0.0, None, runner)?;
+        let records = triangles::record(&scene, 0.0, None, None, runner)?;
         let marks = parts::mark(&scene, records, parts, runner)?;
         let bounds = bounds::find(&receivers, runner)?;
         // The outermost receivers lie in the middles of the outermost texels of the soft shadow map.

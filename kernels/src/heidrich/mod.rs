@@ -245,7 +245,7 @@ impl Frame {
         let scene = self.scene.seen_from(viewpoint);
         let receivers = self.receivers.seen_from(viewpoint);
         runner.phase(&map::SETUP);
-        let triangles = triangles::record(&scene, 0.0, None, runner)?;
+        let triangles = triangles::record(&scene, 0.0, None, None, runner)?;
         let layout = Layout::build(&receivers, self.size, self.size / MARGIN, runner)?;
         let map = DepthMap::draw_scene(&scene, receivers, triangles, layout, self.largest, runner)?;
 

@@ -361,35 +361,58 @@ pub(crate) fn load_positions<V: Vpu>(
     receivers.viewpoint.see(v, live, point)
 }
 
-/// Face of each point, by its largest component (the first of equal ones), and its image there: x, y, depth.
+/// The face of each of 16 points.
+pub(crate) struct OwnFaces<V: Vpu> {
+    /// Number of the face: twice the axis that it lies along, plus one for the negative half.
+    pub(crate) number: V::I32,
+    /// The faces of these lie along y, along z unless they lie along that, and in the negative half.
+    along_y: V::Mask,
+    along_z: V::Mask,
+    negative: V::Mask,
+}
+
+impl<V: Vpu> OwnFaces<V> {
+    /// The faces of points, by their largest component, the first of equal ones.
+    #[inline(always)]
+    pub(crate) fn of(v: &mut V, constants: &Constants<V>, p: Vec3<V>) -> OwnFaces<V> {
+        let size = [v.vabs(p[0]), v.vabs(p[1]), v.vabs(p[2])];
+        // Largest component: y beats x, z beats both, only if strictly larger.
+        let along_y = v.vcmp_gt(size[1], size[0]);
+        let larger = v.vmax(size[0], size[1]);
+        let along_z = v.vcmp_gt(size[2], larger);
+        let along = v.vblend_f32(along_y, p[1], p[0]);
+        let along = v.vblend_f32(along_z, p[2], along);
+        let whole = &constants.whole;
+        let number = v.vblend_i32(along_y, whole[2], whole[0]);
+        let number = v.vblend_i32(along_z, whole[4], number);
+        let negative = v.vcmp_lt(along, constants.zero);
+        let number = v.viadd_or(number, negative, number, whole[1]);
+        OwnFaces { number, along_y, along_z, negative }
+    }
+
+    /// A vector in the frame of each face: the components across it in cyclic order, and that along it, the depth.
+    #[inline(always)]
+    pub(crate) fn turn(&self, v: &mut V, constants: &Constants<V>, p: Vec3<V>) -> Vec3<V> {
+        let along = v.vblend_f32(self.along_y, p[1], p[0]);
+        let along = v.vblend_f32(self.along_z, p[2], along);
+        let x = v.vblend_f32(self.along_y, p[2], p[1]);
+        let x = v.vblend_f32(self.along_z, p[0], x);
+        let y = v.vblend_f32(self.along_y, p[0], p[2]);
+        let y = v.vblend_f32(self.along_z, p[1], y);
+        [x, y, v.vsub_or(along, self.negative, constants.zero, along)]
+    }
+}
+
+/// Face of each point, and its image there: x, y, depth.
 #[inline(always)]
 pub(crate) fn project<V: Vpu>(
     v: &mut V,
     constants: &Constants<V>,
     p: Vec3<V>,
 ) -> (V::I32, V::F32, V::F32, V::F32) {
-    let size = [v.vabs(p[0]), v.vabs(p[1]), v.vabs(p[2])];
-    // Largest component: y beats x, z beats both, only if strictly larger.
-    let by_y = v.vcmp_gt(size[1], size[0]);
-    let larger = v.vmax(size[0], size[1]);
-    let by_z = v.vcmp_gt(size[2], larger);
-    let depth = v.vblend_f32(by_z, size[2], larger);
-    let along = v.vblend_f32(by_y, p[1], p[0]);
-    let along = v.vblend_f32(by_z, p[2], along);
-    // The other two, in cyclic order.
-    let x = v.vblend_f32(by_y, p[2], p[1]);
-    let x = v.vblend_f32(by_z, p[0], x);
-    let y = v.vblend_f32(by_y, p[0], p[2]);
-    let y = v.vblend_f32(by_z, p[1], y);
-    let x = math::div(v, x, depth);
-    let y = math::div(v, y, depth);
-    // Face number: twice the axis, plus one for the negative half.
-    let whole = &constants.whole;
-    let face = v.vblend_i32(by_y, whole[2], whole[0]);
-    let face = v.vblend_i32(by_z, whole[4], face);
-    let negative = v.vcmp_lt(along, constants.zero);
-    let face = v.viadd_or(face, negative, face, whole[1]);
-    (face, x, y, depth)
+    let face = OwnFaces::of(v, constants, p);
+    let [x, y, depth] = face.turn(v, constants, p);
+    (face.number, math::div(v, x, depth), math::div(v, y, depth), depth)
 }
 
 impl Faces {

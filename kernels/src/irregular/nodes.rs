@@ -22,8 +22,11 @@ pub struct Node {
     pub half: [f32; 2],
     /// Greatest depth of a receiver inside; 0 where there is none.
     pub depth: f32,
-    /// Half of the diagonal of the rectangle, and what positions on the image plane are rounded by.
-    pub half_diagonal: f32,
+    /// The middle of a circle on the image plane that holds what is inside: of a cell one about its samples, of others one about the
+    /// rectangle.
+    pub middle: [f32; 2],
+    /// Radius of that circle, and what positions on the image plane are rounded by.
+    pub radius: f32,
     /// One over the greatest depth of a receiver inside; 1e30 where there is none.
     pub per_depth: f32,
     /// Greatest distance from the light of a point of the rectangle on the image plane; -1e30 where no receiver is inside.
@@ -146,14 +149,14 @@ impl Kernel for Cells {
         // The bin's face: which coordinate is its depth.
         let bin = scalar!(v, block >> 4);
         let face = v.s_load(faces.bin_places.column(field!(BinPlace.face)), bin);
-        let depths = depths_of_face(v, *samples, face);
+        let places = Places::of_face(v, *samples, face);
         let place = Place::load(v, faces, bin, face);
         let in_block = each!(axis in [0, 1] => v.vmul(place.child[axis], place.cell[axis]));
         let two = v.vset_i32(2);
         let three = v.vset_i32(3);
         let all = v.mask_all();
         while v.branch(Compare::Less, block, end) {
-            let depth = self.cell_depths(v, block, depths);
+            let inside = self.inside(v, block, &places);
             let number = scalar!(v, block & 15);
             let number = v.vsplat(number);
             let corner = [int!(v, number & three), int!(v, number >> two)];
@@ -163,34 +166,85 @@ impl Kernel for Cells {
                 v.vadd(corner, in_block[axis])
             });
             let first_cell = scalar!(v, block << 4);
-            store_nodes(v, all, *cells, first_cell, center, place.cell, depth);
+            store_nodes(v, all, *cells, first_cell, center, place.cell, inside.depth);
+            store_circles(v, all, *cells, first_cell, inside.low, inside.high);
             block = scalar!(v, block + 1);
         }
     }
 }
 
-impl Cells {
-    /// Greatest depth in each of the 16 cells of a block; the depths of samples begin `depths` words after their positions.
+/// Where the places of samples on their face come from: words from the column of their first coordinate to those of two across the
+/// face and that of the depth.
+struct Places<V: Vpu> {
+    across: [V::S32; 2],
+    depth: V::S32,
+}
+
+impl<V: Vpu> Places<V> {
     #[inline(always)]
-    fn cell_depths<V: Vpu>(&self, v: &mut V, block: V::S32, depths: V::S32) -> V::F32 {
+    fn of_face(v: &mut V, samples: Columns<Sample>, face: V::S32) -> Places<V> {
+        let depth = depths_of_face(v, samples, face);
+        let stride = samples.stride() as i32;
+        let past = v.s_imm(3 * stride);
+        let mut column = depth;
+        let across = each!(_axis in [0, 1] => {
+            column = scalar!(v, column + { stride });
+            if v.branch(Compare::LessEqual, past, column) {
+                column = v.s_imm(0);
+            }
+            column
+        });
+        Places { across, depth }
+    }
+}
+
+/// What samples take up of each of the 16 cells of a block; where there are none the depth is 0.
+struct Inside<V: Vpu> {
+    /// Greatest depth.
+    depth: V::F32,
+    /// Least place on the image plane.
+    low: [V::F32; 2],
+    /// Greatest place.
+    high: [V::F32; 2],
+}
+
+impl Cells {
+    /// What the samples of the 16 cells of a block take up.
+    #[inline(always)]
+    fn inside<V: Vpu>(&self, v: &mut V, block: V::S32, places: &Places<V>) -> Inside<V> {
         let column = self.samples.column(field!(Sample.position));
         let first_key = scalar!(v, block << 6);
         let shallowest = v.vset_i32(SHALLOWEST);
-        let mut depth = v.vset_f32(0.0);
-        let sample = v.s_load(cell_starts(self.key_starts, 0), first_key);
-        let mut sample = scalar!(v, sample + depths);
+        let zero = v.vset_f32(0.0);
+        let far = v.vset_f32(FAR);
+        let minus_far = v.vset_f32(-FAR);
+        let mut inside = Inside { depth: zero, low: [zero; 2], high: [zero; 2] };
+        let mut sample = v.s_load(cell_starts(self.key_starts, 0), first_key);
         for cell in 0..CHILDREN {
             let end = v.s_load(cell_starts(self.key_starts, cell + 1), first_key);
-            let end = scalar!(v, end + depths);
             if !v.branch(Compare::Less, sample, end) {
                 continue;
             }
             let mut deepest = shallowest;
+            let mut low = [far; 2];
+            let mut high = [minus_far; 2];
             while v.branch(Compare::Less, sample, end) {
                 let live = lanes_below(v, sample, end);
-                v.prefetch_l1(column.plus_lines(AHEAD), sample);
-                let z = v.vload_i32_or(shallowest, live, column, sample);
+                let at = v.s_add(sample, places.depth);
+                v.prefetch_l1(column.plus_lines(AHEAD), at);
+                let z = v.vload_i32_or(shallowest, live, column, at);
                 deepest = v.vimax(deepest, z);
+                let depth = v.from_bits(z);
+                let depth = v.vabs(depth);
+                let per_depth = v.vrcp(depth);
+                for axis in 0..2 {
+                    let at = v.s_add(sample, places.across[axis]);
+                    v.prefetch_l1(column.plus_lines(AHEAD), at);
+                    let x = v.vload_f32_or(zero, live, column, at);
+                    let x = v.vmul(x, per_depth);
+                    low[axis] = v.vmin_or(low[axis], live, low[axis], x);
+                    high[axis] = v.vmax_or(high[axis], live, high[axis], x);
+                }
                 sample = scalar!(v, sample + 16);
             }
             sample = end;
@@ -199,9 +253,15 @@ impl Cells {
             let deepest = math::reduce_max(v, deepest);
             let lane = v.s_imm(1 << cell);
             let here = v.kmov_from_scalar(lane);
-            depth = v.vblend_f32(here, deepest, depth);
+            inside.depth = v.vblend_f32(here, deepest, inside.depth);
+            for axis in 0..2 {
+                let least = math::reduce_min(v, low[axis]);
+                inside.low[axis] = v.vblend_f32(here, least, inside.low[axis]);
+                let greatest = math::reduce_max(v, high[axis]);
+                inside.high[axis] = v.vblend_f32(here, greatest, inside.high[axis]);
+            }
         }
-        depth
+        inside
     }
 }
 
@@ -239,6 +299,7 @@ impl Kernel for Bins {
             v.vadd(place.low[axis], in_bin)
         });
         store_nodes(v, all, nodes.blocks, first_block, center, place.block, depth);
+        store_rectangle_circles(v, all, nodes.blocks, first_block, center, place.block);
 
         // The bin itself.
         let bit = v.s_imm(1);
@@ -250,10 +311,57 @@ impl Kernel for Bins {
         let x = v.vmadd(size[0], half, place.low[0]);
         let y = v.vmadd(size[1], half, place.low[1]);
         store_nodes(v, first, nodes.bins, bin, [x, y], size, deepest);
+        store_rectangle_circles(v, first, nodes.bins, bin, [x, y], size);
     }
 }
 
-/// Stores up to 16 rectangles with all that a [`Node`] has; `size` is the whole width and height.
+/// Stores circles about up to 16 rectangles, by their middles and whole width and height.
+#[inline(always)]
+fn store_rectangle_circles<V: Vpu>(
+    v: &mut V,
+    live: V::Mask,
+    nodes: Columns<Node>,
+    at: V::S32,
+    center: [V::F32; 2],
+    size: [V::F32; 2],
+) {
+    let half = v.vset_f32(0.5);
+    let half = [v.vmul(size[0], half), v.vmul(size[1], half)];
+    let low = [v.vsub(center[0], half[0]), v.vsub(center[1], half[1])];
+    let high = [v.vadd(center[0], half[0]), v.vadd(center[1], half[1])];
+    store_circles(v, live, nodes, at, low, high);
+}
+
+/// Stores circles about up to 16 rectangles, by their corners.
+#[inline(always)]
+fn store_circles<V: Vpu>(
+    v: &mut V,
+    live: V::Mask,
+    nodes: Columns<Node>,
+    at: V::S32,
+    low: [V::F32; 2],
+    high: [V::F32; 2],
+) {
+    let half = v.vset_f32(0.5);
+    // Wider by a rounding or two, as rectangles are.
+    let wider = v.vset_f32(0.500_01);
+    let mut radius2 = v.vset_f32(0.0);
+    for axis in 0..2 {
+        let sum = v.vadd(low[axis], high[axis]);
+        let middle = v.vmul(sum, half);
+        v.vstore_f32(live, nodes.column(field!(Node.middle[axis])), at, middle);
+        let size = v.vsub(high[axis], low[axis]);
+        let size = v.vmul(size, wider);
+        radius2 = v.vmadd(size, size, radius2);
+    }
+    // Two roundings of places: what is asked for lies as far off as they are rounded, and so does what is stored.
+    let slack = v.vset_f32(2.0 * IMAGE_SLACK);
+    let radius = math::sqrt(v, radius2);
+    let radius = v.vadd(radius, slack);
+    v.vstore_f32(live, nodes.column(field!(Node.radius)), at, radius);
+}
+
+/// Stores up to 16 rectangles with what a [`Node`] has but for its circle; `size` is the whole width and height.
 #[inline(always)]
 fn store_nodes<V: Vpu>(
     v: &mut V,
@@ -276,11 +384,6 @@ fn store_nodes<V: Vpu>(
     let reach2 = v.vmadd(corner_x, corner_x, one);
     let reach2 = v.vmadd(corner_y, corner_y, reach2);
     let reach = math::sqrt(v, reach2);
-    let half2 = v.vmul(half_y, half_y);
-    let half2 = v.vmadd(half_x, half_x, half2);
-    let half_diagonal = math::sqrt(v, half2);
-    let slack = v.vset_f32(IMAGE_SLACK);
-    let half_diagonal = v.vadd(half_diagonal, slack);
     let zero = v.vset_f32(0.0);
     let far = v.vset_f32(FAR);
     let minus_far = v.vset_f32(-FAR);
@@ -294,7 +397,6 @@ fn store_nodes<V: Vpu>(
     store(field!(Node.half[0]), half_x);
     store(field!(Node.half[1]), half_y);
     store(field!(Node.depth), depth);
-    store(field!(Node.half_diagonal), half_diagonal);
     store(field!(Node.per_depth), per_depth);
     store(field!(Node.reach), reach);
 }
@@ -330,6 +432,8 @@ impl Kernel for Groups {
         });
         let bit = v.s_imm(1);
         let first = v.kmov_from_scalar(bit);
-        store_nodes(v, first, self.nodes.groups, group, [x, y], [size_x, size_y], deepest);
+        let size = [size_x, size_y];
+        store_nodes(v, first, self.nodes.groups, group, [x, y], size, deepest);
+        store_rectangle_circles(v, first, self.nodes.groups, group, [x, y], size);
     }
 }

@@ -3,9 +3,10 @@
 use lrbsim_isa::Vpu;
 use lrbsim_workloads::{LightShape, ShadowInput};
 
+use super::FACES;
 use super::touch::{self, Touch};
-use crate::field;
-use crate::record::{Field, Records};
+use crate::columns::Columns;
+use crate::record::Records;
 
 /// Rounding of positions about a receiver, relative to the largest coordinate of receivers, with a factor of eight to spare.
 pub(super) const POSITION_SLACK: f32 = 1e-6;
@@ -20,8 +21,8 @@ pub struct TriangleRecord {
     /// The triangle's plane, `point . normal` of its points, farther by [`plane_slack`](crate::plane::plane_slack).
     pub plane: f32,
     /// Flags of the three edges: the sign bit is set where the triangle lies right of `low -> high`. Those of the first
-    /// also hold [`FRONT`], [`BACK`], [`AWAY`], [`CUTS`] and, from bit [`FACES_SHIFT`] on, the faces around the light that
-    /// the triangle can shadow; those of the second the number of its object, where the program asks for it.
+    /// also hold [`FRONT`], [`BACK`], [`AWAY`] and [`CUTS`]; those of the second the number of its object, where the program asks
+    /// for it.
     pub flags: [i32; 3],
 }
 
@@ -33,8 +34,26 @@ pub const BACK: i32 = 2;
 pub const AWAY: i32 = 4;
 /// Flag of a triangle whose plane cuts the light: of receivers on it, part of the light lies below the horizon.
 pub const CUTS: i32 = 8;
-/// Where in the flags of a triangle the bits of the faces begin.
-pub const FACES_SHIFT: i32 = 8;
+
+/// What binning reads of a triangle, before it asks for any record: where about the light the triangle can hide something.
+///
+/// Of a triangle that is [`WITHIN`] a face, its image there: no receiver that it shadows lies outside of the rectangle `low..high`
+/// or is less deep than `start`, be it by rounding. Of others nobody writes the image.
+#[repr(C)]
+pub struct TriangleBounds {
+    /// A bit for each face on which it can hide something from receivers, by number of the face: none if it hides nothing. With one of
+    /// them, [`WITHIN`].
+    pub faces: i32,
+    /// The lower corner of the image.
+    pub low: [f32; 2],
+    /// The upper corner of the image.
+    pub high: [f32; 2],
+    /// Least depth of a receiver that the triangle can shadow.
+    pub start: f32,
+}
+
+/// Flag of a triangle whose image lies inside of one face.
+pub const WITHIN: i32 = 1 << FACES;
 
 /// A triangle with all that it hides of any part of the light: one line.
 #[repr(C, align(64))]
@@ -49,8 +68,7 @@ pub struct WideTriangle {
     pub slack: f32,
     /// Least distance of the triangle from the middle of the light.
     pub nearest: f32,
-    /// [`FRONT`], [`BACK`] and [`CUTS`]; from bit [`FACES_SHIFT`] on the faces on which it can hide a part of the light; the sign bit is
-    /// set where the determinant of the corners, in their order, is negative.
+    /// [`FRONT`], [`BACK`] and [`CUTS`]; the sign bit is set where the determinant of the corners, in their order, is negative.
     pub flags: i32,
 }
 
@@ -58,32 +76,14 @@ pub struct WideTriangle {
 pub trait Layer: Sized + 'static {
     /// What receivers are tested with it.
     type Touch<V: Vpu>: Touch<V, Record = Self>;
-
-    /// The field of its flags, which have the faces from bit [`FACES_SHIFT`] on.
-    fn flags() -> Field<Self, i32>;
-
-    /// Flags of which one must be set, or the triangle hides nothing.
-    const COUNTED: i32;
 }
 
 impl Layer for TriangleRecord {
     type Touch<V: Vpu> = touch::Triangle<V>;
-
-    fn flags() -> Field<Self, i32> {
-        field!(TriangleRecord.flags[0])
-    }
-
-    const COUNTED: i32 = FRONT | BACK;
 }
 
 impl Layer for WideTriangle {
     type Touch<V: Vpu> = touch::Wide<V>;
-
-    fn flags() -> Field<Self, i32> {
-        field!(WideTriangle.flags)
-    }
-
-    const COUNTED: i32 = FRONT | BACK | CUTS;
 }
 
 /// An edge as seen from the light: one line.
@@ -168,6 +168,8 @@ pub struct Primitives<T = TriangleRecord> {
     pub light: LightConstants,
     /// Records of the triangles.
     pub triangles: Records<T>,
+    /// Bounds of the triangles.
+    pub bounds: Columns<TriangleBounds>,
     /// Number of triangles.
     pub triangle_count: u32,
     /// Records of the edges that have a penumbra.

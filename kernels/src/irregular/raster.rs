@@ -1,28 +1,31 @@
-//! Light-view rasterization: per bin, hierarchical and conservative, to records of (cell, primitive).
+//! Light-view rasterization: the primitives of each block, and of each which cells it touches, conservatively.
 //!
-//! A record also holds the least depth of a receiver of the cell that the primitive can shadow: the intersection of the
-//! wedge with the column of depth slices under the cell [johnson09, §2.5].
+//! A record is a primitive in the list of a block. It also holds the least depth of a receiver that the primitive can shadow in the cells
+//! that it touches: the intersection of the wedge with the columns of depth slices under them [johnson09, §2.5]. Records lie in groups of
+//! 16, which belong to one list each: a group has for each cell of its block a bit for each of its records, so that who walks
+//! the records of a cell asks once for 16 of them.
 //!
 //! ```text
-//! pieces ─► count ─► scan ─► fill          a piece is at most 64 primitives of one bin
+//! pieces ─► count ─► scan ─► fill ─► cells    a piece is at most 64 primitives of one bin
 //! ```
 
 #![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
 
 use lrbsim_isa::{Addr, Compare, Kernel, Runner, Step, Stopped, Vpu};
 
-use super::bin::Bins;
+use super::bin::{BinItem, Bins};
 use super::faces::BinPlace;
 use super::grid::Grid;
-use super::primitives::{Layer, Primitives};
-use super::touch::{Edge, FaceFrame, Touch};
-use super::{BIN_CELLS, FACES};
+use super::nodes::Node;
+use super::primitives::{Kind, Layer, Primitives, TriangleBounds, WITHIN};
+use super::touch::{Edge, FaceFrame, NodeSource, OneNode, Touch};
+use super::{CHILDREN, FACES, FAR};
 use crate::clear;
-use crate::columns::{Columns, lower, take_lane, task_range};
-use crate::expression::{int, scalar};
+use crate::columns::{Columns, lanes_below, lower, task_range};
+use crate::expression::{each, int, scalar};
 use crate::field;
 use crate::lists::Lists;
-use crate::record::{Records, words};
+use crate::record::{Field, Gathered, Records, words};
 
 /// Primitives of a piece, as a power of two.
 const PIECE_LOG2: i32 = 6;
@@ -30,13 +33,22 @@ const PIECE_LOG2: i32 = 6;
 /// Lists of a task of the piece steps.
 const LISTS: u32 = 16;
 
-/// A primitive that can shadow samples of a cell.
+/// Blocks of a task of `cells`.
+const BLOCKS: u32 = 4;
+
+/// Cells in a line of a block.
+const LINE: u32 = 4;
+
+/// A primitive in the list of a block.
 #[repr(C)]
-pub struct CellRecord {
+pub struct BlockRecord {
     /// Number of the primitive.
     pub primitive: i32,
-    /// Least depth of a receiver that it can shadow there.
+    /// Least depth of a receiver that it can shadow in the block.
     pub start: f32,
+    /// Not of this record but of its group: word `i` of 16 is of cell `i` of the block, a bit for each record of the group that
+    /// touches it.
+    pub cells: i32,
 }
 
 /// Part of a bin's list: a task of the raster steps.
@@ -59,43 +71,73 @@ struct PieceCounters {
     written: u32,
 }
 
-/// The records of each cell.
+/// The records of each block.
 #[derive(Clone, Copy)]
 pub struct Raster {
-    /// Lists of the cells by [`Kind`](super::primitives::Kind).
-    pub lists: Lists,
-    /// The records in these lists.
-    pub records: Records<CellRecord>,
+    /// Lists of the blocks by [`Kind`].
+    lists: Lists,
+    /// The records in these lists, where [`Raster::range`] has them.
+    pub records: Columns<BlockRecord>,
 }
 
 impl Raster {
-    /// Rasters the primitives of the bins: counts the records of each cell, then writes them.
-    pub fn build<T: Layer>(
-        primitives: &Primitives<T>,
-        grid: &Grid,
-        bins: &Bins,
-        runner: &mut Runner<'_>,
-    ) -> Result<Raster, Stopped> {
-        let list_count = 2 * grid.faces.cell_count();
+    /// Puts the primitives of the bins into the lists of their blocks: counts the records of each block, then writes their primitives.
+    /// [`Raster::find_cells`] finds the rest.
+    pub fn build(grid: &Grid, bins: &Bins, runner: &mut Runner<'_>) -> Result<Raster, Stopped> {
+        let list_count = 2 * grid.faces.block_count();
         let zeroed = [u64::from(words::<PieceCounters>()), Lists::start_words(list_count)];
         let [counters, starts] = clear::zeroed(runner, zeroed)?;
         let (pieces, piece_count) = pieces(grid, bins, Records::from_base(counters), runner)?;
-        let lists = Lists::new(runner.arena, starts, list_count, piece_count, BIN_CELLS);
-        let rasterize = |records| Rasterize {
-            pieces,
-            lists,
-            records,
-            items: bins.items,
-            primitives: *primitives,
-            grid: *grid,
-        };
-        runner.run(&Step::ordered("record counts", piece_count, rasterize(None)))?;
+        let lists = Lists::new(runner.arena, starts, list_count, piece_count, CHILDREN);
+        let distribute = |records| Distribute { pieces, lists, records, items: bins.items };
+        runner.run(&Step::ordered("record counts", piece_count, distribute(None)))?;
 
         let records = lists.sum(runner)?;
-        let records = Records::overwritten(runner.arena, u64::from(records));
-        // SAFETY: each task writes its own table, and records to places that it has taken in `record counts`.
-        runner.run(&unsafe { Step::independent("records", piece_count, rasterize(Some(records))) })?;
+        // Each list begins a group, see `range`.
+        let records = Columns::overwritten(runner.arena, records + CHILDREN * (list_count + 1));
+        // SAFETY: each task reads its own table, and writes records to places that it has taken in `record counts`.
+        runner.run(&unsafe { Step::independent("records", piece_count, distribute(Some(records))) })?;
         Ok(Raster { lists, records })
+    }
+
+    /// Finds which cells each record touches, and from which depth on.
+    pub fn find_cells<T: Layer>(
+        &self,
+        primitives: &Primitives<T>,
+        grid: &Grid,
+        runner: &mut Runner<'_>,
+    ) -> Result<(), Stopped> {
+        let cells = Cells { raster: *self, primitives: *primitives, grid: *grid };
+        let tasks = grid.faces.block_count().div_ceil(BLOCKS) * Kind::ALL.len() as u32;
+        // SAFETY: each task writes the records of its own lists.
+        runner.run(&unsafe { Step::independent("record cells", tasks, cells) })
+    }
+
+    /// Where the records of list `list` begin, the first of a group, and one past the last of them.
+    ///
+    /// List i of records that begin at s, were there no groups, begins with group s / 16 + i: the lists before it take no more.
+    #[inline(always)]
+    pub fn range<V: Vpu>(&self, v: &mut V, list: V::S32) -> [V::S32; 2] {
+        let start = v.s_load(self.lists.starts, list);
+        let end = v.s_load(self.lists.starts.plus_words(1), list);
+        let first = scalar!(v, ((start >> 4) + list) << 4);
+        [first, scalar!(v, first + (end - start))]
+    }
+
+    /// The list of block 0 for primitives of `kind`.
+    pub fn first_list(kind: Kind, grid: &Grid) -> u32 {
+        kind.first_list(grid.faces.block_count())
+    }
+
+    /// Where the lengths of the lists of `kind` add up, by block: those of the lists before each.
+    pub(super) fn starts(&self, kind: Kind, grid: &Grid) -> Addr {
+        self.lists.starts.plus_words(u64::from(Raster::first_list(kind, grid)))
+    }
+
+    /// Number of the primitive of record `at`.
+    #[inline(always)]
+    pub fn primitive<V: Vpu>(&self, v: &mut V, at: V::S32) -> V::S32 {
+        v.s_load(self.records.column(field!(BlockRecord.primitive)), at)
     }
 }
 
@@ -158,109 +200,220 @@ impl Kernel for Pieces {
     }
 }
 
-/// Counts or writes the records of the cells.
-struct Rasterize<T> {
+/// Counts or writes the primitives of the blocks.
+struct Distribute {
     pieces: Columns<Piece>,
     lists: Lists,
-    /// Where records are written; `None` where they are counted.
-    records: Option<Records<CellRecord>>,
-    /// The items of the lists of the bins: numbers of primitives.
-    items: Addr,
-    primitives: Primitives<T>,
-    grid: Grid,
+    /// Where primitives are written; `None` where they are counted.
+    records: Option<Columns<BlockRecord>>,
+    /// What is in the lists of the bins.
+    items: Columns<BinItem>,
 }
 
-impl<T: Layer> Kernel for Rasterize<T> {
+impl Kernel for Distribute {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
-        let Rasterize { pieces, lists, primitives, grid, .. } = self;
+        let Distribute { pieces, lists, .. } = self;
         let list = v.s_load(pieces.column(field!(Piece.list)), task);
-        let first = v.s_load(pieces.column(field!(Piece.first)), task);
+        let mut i = v.s_load(pieces.column(field!(Piece.first)), task);
         let end = v.s_load(pieces.column(field!(Piece.end)), task);
-        let bins = v.s_imm(grid.faces.bin_count as i32);
-        let of_triangles = v.branch(Compare::Less, list, bins);
-        let bin = if of_triangles { list } else { scalar!(v, list - bins) };
-        let face = v.s_load(grid.faces.bin_places.column(field!(BinPlace.face)), bin);
-        let first_list = scalar!(v, list << { BIN_CELLS.trailing_zeros() as i32 });
+        // Bins and blocks are numbered alike for both kinds: 16 lists of blocks for a list of a bin.
+        let first_list = scalar!(v, list << 4);
         let table = lists.table(v, task);
-        if self.records.is_none() {
-            lists.clear_table(v, table);
-        }
-        let piece = PieceOf { bin, first, end, table, first_list };
-        for face_number in 0..FACES {
-            let number = v.s_imm(face_number as i32);
-            if v.branch(Compare::Equal, face, number) {
-                let frame = FaceFrame::new(face_number);
-                if of_triangles {
-                    self.piece::<V, T::Touch<V>>(v, frame, primitives.triangles, piece);
-                } else {
-                    self.piece::<V, Edge<V>>(v, frame, primitives.edges, piece);
-                }
-                break;
+        let lane = v.viota();
+        let none = v.vset_i32(0);
+        let one = v.vset_i32(1);
+        let own = int!(v, one << lane);
+        let blocks = self.items.column(field!(BinItem.blocks));
+        let Some(records) = self.records else {
+            let mut counts = none;
+            while v.branch(Compare::Less, i, end) {
+                let bits = v.vbroadcast_i32(blocks, i);
+                let bits = v.vand(bits, own);
+                let touched = v.vicmp_neq(bits, none);
+                counts = v.viadd_or(counts, touched, counts, one);
+                i = scalar!(v, i + 1);
             }
-        }
-        if self.records.is_none() {
-            lists.publish(v, table, first_list);
+            lists.publish_counts(v, table, first_list, counts);
+            return;
+        };
+        let start = v.vload_i32(lists.starts, first_list);
+        let four = v.vset_i32(4);
+        let number = v.vsplat(first_list);
+        let before = lists.of_task(v, table);
+        let mut to = int!(v, (((start >> four) + (number + lane)) << four) + before);
+        while v.branch(Compare::Less, i, end) {
+            let bits = v.vbroadcast_i32(blocks, i);
+            let bits = v.vand(bits, own);
+            let number = v.vbroadcast_i32(self.items.column(field!(BinItem.primitive)), i);
+            let touched = v.vicmp_neq(bits, none);
+            v.vscatter_i32(touched, records.column(field!(BlockRecord.primitive)), to, number);
+            to = v.viadd_or(to, touched, to, one);
+            i = scalar!(v, i + 1);
         }
     }
 }
 
-/// What a task knows of its piece.
-struct PieceOf<V: Vpu> {
-    bin: V::S32,
-    /// Its items `first..end` in the lists of the bins.
-    first: V::S32,
-    end: V::S32,
-    /// Where the task's table begins.
-    table: V::S32,
-    /// The list of the bin's first cell.
-    first_list: V::S32,
+/// Finds the cells that the records of blocks touch.
+struct Cells<T> {
+    raster: Raster,
+    primitives: Primitives<T>,
+    grid: Grid,
 }
 
-impl<T> Rasterize<T> {
-    /// Rasters the primitives of a piece over the blocks and cells of its bin.
+impl<T: Layer> Kernel for Cells<T> {
     #[inline(always)]
-    fn piece<V: Vpu, P: Touch<V>>(
+    fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
+        let Cells { primitives, grid, .. } = self;
+        let blocks = grid.faces.block_count();
+        let of_triangles = v.s_imm(blocks.div_ceil(BLOCKS) as i32);
+        let (kind, task) = if v.branch(Compare::Less, task, of_triangles) {
+            (Kind::Triangles, task)
+        } else {
+            (Kind::Edges, scalar!(v, task - of_triangles))
+        };
+        let (mut block, last) = task_range(v, task, BLOCKS, blocks);
+        while v.branch(Compare::Less, block, last) {
+            match kind {
+                Kind::Triangles => self.block::<V, T::Touch<V>>(v, kind, primitives.triangles, block),
+                Kind::Edges => self.block::<V, Edge<V>>(v, kind, primitives.edges, block),
+            }
+            block = scalar!(v, block + 1);
+        }
+    }
+}
+
+/// Where in one direction the middles of cells lie that 16 primitives can touch; `None`: anywhere.
+struct Span<V: Vpu>(Option<[V::F32; 2]>);
+
+impl<V: Vpu> Span<V> {
+    /// Lanes of `live` whose span holds this coordinate of a node.
+    #[inline(always)]
+    fn reaches(&self, v: &mut V, live: V::Mask, node: OneNode<V>, center: Field<Node, f32>) -> V::Mask {
+        let Some([low, high]) = self.0 else { return live };
+        let center = node.load(v, center);
+        let past = v.vcmp_le_masked(live, low, center);
+        v.vcmp_ge_masked(past, high, center)
+    }
+}
+
+impl<T> Cells<T> {
+    /// Finds the cells of one block, in the code of its face.
+    #[inline(always)]
+    fn block<V: Vpu, P: Touch<V>>(&self, v: &mut V, kind: Kind, records: Records<P::Record>, block: V::S32) {
+        let first_list = v.s_imm(Raster::first_list(kind, &self.grid) as i32);
+        let list = scalar!(v, first_list + block);
+        let [first, end] = self.raster.range(v, list);
+        if v.branch(Compare::Equal, first, end) {
+            return;
+        }
+        let bin = scalar!(v, block >> 4);
+        let face = v.s_load(self.grid.faces.bin_places.column(field!(BinPlace.face)), bin);
+        for face_number in 0..FACES {
+            let number = v.s_imm(face_number as i32);
+            if v.branch(Compare::Equal, face, number) {
+                self.records::<V, P>(v, FaceFrame::new(face_number), (kind, records), block, [first, end]);
+                break;
+            }
+        }
+    }
+
+    /// What the bounds of the images of 16 primitives span in each direction, wider by half a cell.
+    #[inline(always)]
+    fn spans<V: Vpu>(
+        &self,
+        v: &mut V,
+        kind: Kind,
+        live: V::Mask,
+        numbers: V::I32,
+        half: [V::F32; 2],
+    ) -> (Span<V>, Span<V>) {
+        if kind == Kind::Edges {
+            return (Span(None), Span(None));
+        }
+        let bounds = self.primitives.bounds;
+        let none = v.vset_i32(0);
+        let far = v.vset_f32(FAR);
+        let minus_far = v.vset_f32(-FAR);
+        let flag = v.vset_i32(WITHIN);
+        let faces = v.vgather_i32_or(none, live, bounds.column(field!(TriangleBounds.faces)), numbers);
+        let within = v.vicmp_ge_masked(live, faces, flag);
+        let [across, down] = each!(axis in [0, 1] => {
+            let low = bounds.column(field!(TriangleBounds.low[axis]));
+            let low = v.vgather_f32_or(minus_far, within, low, numbers);
+            let high = bounds.column(field!(TriangleBounds.high[axis]));
+            let high = v.vgather_f32_or(far, within, high, numbers);
+            Span(Some([v.vsub(low, half[axis]), v.vadd(high, half[axis])]))
+        });
+        (across, down)
+    }
+
+    /// Finds the cells of records `first..end`, 16 at a time.
+    #[inline(always)]
+    fn records<V: Vpu, P: Touch<V>>(
         &self,
         v: &mut V,
         frame: FaceFrame,
-        records: Records<P::Record>,
-        piece: PieceOf<V>,
+        (kind, records): (Kind, Records<P::Record>),
+        block: V::S32,
+        [first, end]: [V::S32; 2],
     ) {
-        let PieceOf { bin, first, end, table, first_list } = piece;
-        let Rasterize { lists, .. } = self;
-        let nodes = &self.grid.nodes;
-        let none = v.s_imm(0);
-        let first_block = scalar!(v, bin << 4);
-        let first_cell = scalar!(v, first_block << 4);
-        let mut i = first;
-        while v.branch(Compare::Less, i, end) {
-            let number = v.s_load(self.items, i);
-            let record = records.record(v, number);
-            let primitive = P::set_up(v, &self.grid.faces, frame, record);
-            let (touched, _) = primitive.touch(v, nodes.blocks, first_block, None);
-            let mut blocks = v.kmov_to_scalar(touched);
-            while v.branch(Compare::NotEqual, blocks, none) {
-                let lane = take_lane(v, &mut blocks);
-                let in_bin = scalar!(v, lane << 4);
-                let cell = scalar!(v, first_cell + in_bin);
-                let (touched, tested) = primitive.touch(v, nodes.cells, cell, None);
-                if v.branch_any(touched) {
-                    let at = scalar!(v, table + in_bin);
-                    if let Some(records) = self.records {
-                        let start = primitive.start(v, tested);
-                        let list = scalar!(v, first_list + in_bin);
-                        let to = lists.place(v, touched, at, list);
-                        let word = int!(v, to + to);
-                        let number = v.vsplat(number);
-                        v.vscatter_i32(touched, records.field(field!(CellRecord.primitive)), word, number);
-                        v.vscatter_f32(touched, records.field(field!(CellRecord.start)), word, start);
-                    } else {
-                        lists.add(v, touched, at);
-                    }
+        let columns = self.raster.records;
+        let nodes = self.grid.nodes.cells;
+        let first_cell = scalar!(v, block << 4);
+        let zero = v.vset_f32(0.0);
+        let none = v.vset_i32(0);
+        let nothing = v.s_imm(0);
+        let cells = v.s_imm(CHILDREN as i32);
+        let all = v.mask_all();
+        let depths = v.vload_f32(nodes.column(field!(Node.depth)), first_cell);
+        let used = v.vcmp_gt(depths, zero);
+        let used = v.kmov_to_scalar(used);
+        // A block that bounds of images reach into and no receiver lies in.
+        if v.branch(Compare::Equal, used, nothing) {
+            return;
+        }
+        // All cells are of one size.
+        let half = {
+            let of_x = v.vbroadcast_f32(nodes.column(field!(Node.half[0])), first_cell);
+            [of_x, v.vbroadcast_f32(nodes.column(field!(Node.half[1])), first_cell)]
+        };
+        let mut at = first;
+        while v.branch(Compare::Less, at, end) {
+            let live = lanes_below(v, at, end);
+            let numbers = v.vload_i32_or(none, live, columns.column(field!(BlockRecord.primitive)), at);
+            let gathered = Gathered::new(v, records, live, numbers);
+            let primitives = P::set_up(v, &self.grid.faces, frame, gathered);
+            let primitives = primitives.over(v, half);
+            let (across, down) = self.spans(v, kind, live, numbers, half);
+            let columns_of = each!(column in [0, 1, 2, 3] => {
+                let cell = OneNode { nodes, at: first_cell, behind: column };
+                across.reaches(v, live, cell, field!(Node.center[0]))
+            });
+            let mut most = None;
+            // Line by line of cells: the code of all 16 would be long.
+            let mut line = nothing;
+            while v.branch(Compare::Less, line, cells) {
+                let cell = scalar!(v, first_cell + line);
+                let word = scalar!(v, at + line);
+                let first = OneNode { nodes, at: cell, behind: 0 };
+                let in_line = down.reaches(v, live, first, field!(Node.center[1]));
+                for (column, of_column) in columns_of.into_iter().enumerate() {
+                    let cell = OneNode { nodes, at: cell, behind: column as u32 };
+                    let here = v.kand(of_column, in_line);
+                    let (touched, tested) = primitives.touch(v, cell, Some(here));
+                    let bits = v.kmov_to_scalar(touched);
+                    let words = columns.column(field!(BlockRecord.cells));
+                    v.s_store(words.plus_words(column as u64), word, bits);
+                    most = Some(P::most(v, most, touched, tested));
                 }
+                line = scalar!(v, line + { LINE as i32 });
             }
-            i = scalar!(v, i + 1);
+            if let Some(most) = most {
+                let start = primitives.start(v, most);
+                v.vstore_f32(all, columns.column(field!(BlockRecord.start)), at, start);
+            }
+            at = scalar!(v, at + 16);
         }
     }
 }

@@ -1,11 +1,11 @@
 //! Runs: equal shares of the work that samples and records of cells make together, one a task, and the walk through one.
 //!
 //! A task owns the samples of its run, so that sums need no atomics and repeat bit for bit. Cell by cell it takes 16
-//! samples at a time and walks all records of the cell; a record that begins deeper than all 16 is skipped. It leaves sums
-//! for each of its samples, those of cells without records included.
+//! samples at a time and walks the records of the block that touch the cell; a record that begins deeper than all 16 is skipped. It
+//! leaves sums for each of its samples, those of cells without records included.
 //!
-//! Where no cell of a block has records of a kind, no run goes there, and nobody writes or reads its sums. A block whose samples and records make too many vector tests is split into a power of two of runs; those of triangles
-//! and those of edges are split apart.
+//! Where a block has no records of a kind, no run goes there, and nobody writes or reads its sums. A block whose samples and records
+//! make too many vector tests is split into a power of two of runs; those of triangles and those of edges are split apart.
 
 #![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
 
@@ -15,18 +15,18 @@ use super::CHILDREN;
 use super::faces::BinPlace;
 use super::grid::{Grid, Sample, depths_of_face};
 use super::primitives::Kind;
-use super::raster::{CellRecord, Raster};
+use super::raster::{BlockRecord, Raster};
 use crate::clear;
-use crate::columns::{Columns, lanes_below, lower, sum, task_range};
+use crate::columns::{Columns, lanes_below, lower, sum, take_lane, task_range};
 use crate::expression::{each, int, scalar};
 use crate::field;
 use crate::plane::Vec3;
-use crate::record::{Record, Records, words};
+use crate::record::{Records, words};
 
 /// Blocks of a task of the steps that split.
 const BLOCKS: u32 = 8;
 
-/// Vector tests of a run by [`Kind`], as powers of two.
+/// Vectors of samples of a run times the records of their block, by [`Kind`], as powers of two.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct RunSizes(pub [i32; 2]);
 
@@ -87,7 +87,8 @@ impl Runs {
         let block_count = grid.faces.block_count();
         let splits = Columns::overwritten(runner.arena, block_count);
         let tasks = block_count.div_ceil(BLOCKS);
-        let count = Count { counters, splits, grid: *grid, list_starts: raster.lists.starts, sizes };
+        let list_starts = Kind::ALL.map(|kind| raster.starts(kind, grid));
+        let count = Count { counters, splits, grid: *grid, list_starts, sizes };
         // SAFETY: each task writes the splits of its own blocks and adds to the totals.
         runner.run(&unsafe { Step::independent("run counts", tasks, count) })?;
 
@@ -115,13 +116,16 @@ fn cell_vectors<V: Vpu>(v: &mut V, grid: &Grid, first_cell: V::S32) -> V::I32 {
     int!(v, ((end - first) + fifteen) >> four)
 }
 
+/// More vectors of samples, or records, than this are as many: their product fits a word.
+const COUNTED_MAX: i32 = 1 << 15;
+
 /// Splits blocks into runs: 2^j of them, j the least with no more than the wished number of vector tests in each.
 struct Count {
     counters: Records<RunCounters>,
     splits: Columns<Split>,
     grid: Grid,
-    /// First records of the cells.
-    list_starts: Addr,
+    /// Where the lengths of the lists add up, by [`Kind`].
+    list_starts: [Addr; 2],
     sizes: RunSizes,
 }
 
@@ -137,12 +141,15 @@ impl Kernel for Count {
             let first_cell = scalar!(v, block << 4);
             let vectors = cell_vectors(v, grid, first_cell);
             let vector_count = sum(v, vectors);
+            let most = v.s_imm(COUNTED_MAX);
+            let vectors = lower(v, vector_count, most);
             for kind in Kind::ALL {
-                let starts = list_starts.plus_words(u64::from(kind.first_list(grid.faces.cell_count())));
-                let record_first = v.vload_i32(starts, first_cell);
-                let record_end = v.vload_i32(starts.plus_words(1), first_cell);
-                let tests = int!(v, vectors * (record_end - record_first));
-                let tests = sum(v, tests);
+                let starts = list_starts[kind as usize];
+                let first = v.s_load(starts, block);
+                let end = v.s_load(starts.plus_words(1), block);
+                let records = scalar!(v, end - first);
+                let records = lower(v, records, most);
+                let tests = scalar!(v, vectors * records);
                 let mut log2 = zero;
                 if v.branch(Compare::Less, zero, tests) {
                     let wished = v.s_imm(1 << sizes.0[kind as usize]);
@@ -230,16 +237,16 @@ pub struct Samples<V: Vpu> {
     pub first: V::S32,
     /// Number of their block.
     pub block: V::S32,
-    /// Number of their cell.
-    pub cell: V::S32,
+    /// Which of the 16 cells of the block is theirs.
+    pub cell: i32,
     /// Where the samples lie, light-centred.
     pub position: Vec3<V>,
 }
 
 /// What a kernel does with samples and the records of their cell.
 pub trait See {
-    /// Looks at `samples`, the deepest of which is at `deepest`, and at records `range` of their cell, in words: two a record.
-    fn see<V: Vpu>(&self, v: &mut V, walk: &Walk, samples: &Samples<V>, deepest: V::S32, range: [V::S32; 2]);
+    /// Looks at `samples` and at the records of their cell that `found` finds.
+    fn see<V: Vpu>(&self, v: &mut V, walk: &Walk, samples: &Samples<V>, found: Found<V>);
 
     /// Where zeros are left for the samples of cells without primitives; `None`: these are looked at like all others.
     fn zeros(&self) -> Option<[Addr; 2]>;
@@ -254,13 +261,7 @@ pub trait Shade {
     fn begin<V: Vpu>(&self, v: &mut V, samples: &Samples<V>) -> Self::State<V>;
 
     /// Takes one primitive into account that can shadow one of `samples`.
-    fn add<V: Vpu>(
-        &self,
-        v: &mut V,
-        samples: &Samples<V>,
-        state: &mut Self::State<V>,
-        primitive: Record<V, CellRecord>,
-    );
+    fn add<V: Vpu>(&self, v: &mut V, samples: &Samples<V>, state: &mut Self::State<V>, entry: Entry<V>);
 
     /// See [`See::zeros`].
     fn zeros(&self) -> Option<[Addr; 2]>;
@@ -272,22 +273,10 @@ pub trait Shade {
 /// One primitive after the other that begins no deeper than the deepest of the samples.
 impl<S: Shade> See for S {
     #[inline(always)]
-    fn see<V: Vpu>(
-        &self,
-        v: &mut V,
-        walk: &Walk,
-        samples: &Samples<V>,
-        deepest: V::S32,
-        [first, end]: [V::S32; 2],
-    ) {
+    fn see<V: Vpu>(&self, v: &mut V, walk: &Walk, samples: &Samples<V>, mut found: Found<V>) {
         let mut state = self.begin(v, samples);
-        let mut at = first;
-        while v.branch(Compare::Less, at, end) {
-            let next = scalar!(v, at + { words::<CellRecord>() as i32 });
-            if walk.reaches(v, at, deepest) {
-                self.add(v, samples, &mut state, walk.record(at));
-            }
-            at = next;
+        while let Some(entry) = found.next(v, walk) {
+            self.add(v, samples, &mut state, entry);
         }
         self.end(v, samples, &state);
     }
@@ -298,28 +287,85 @@ impl<S: Shade> See for S {
     }
 }
 
+/// A record that has been found.
+pub struct Entry<V: Vpu> {
+    records: Columns<BlockRecord>,
+    at: V::S32,
+}
+
+impl<V: Vpu> Entry<V> {
+    /// Number of its primitive.
+    #[inline(always)]
+    pub fn number(&self, v: &mut V) -> V::S32 {
+        v.s_load(self.records.column(field!(BlockRecord.primitive)), self.at)
+    }
+
+    /// Number of its primitive, in every lane.
+    #[inline(always)]
+    pub fn in_every_lane(&self, v: &mut V) -> V::I32 {
+        v.vbroadcast_i32(self.records.column(field!(BlockRecord.primitive)), self.at)
+    }
+}
+
+/// The records of a block that touch a cell and begin no deeper than 16 samples of it, one after the other.
+pub struct Found<V: Vpu> {
+    /// Depth of the deepest of the samples, in every lane.
+    deepest: V::F32,
+    /// The group that is looked at next, by its first record, and one past the last record of the block.
+    next: V::S32,
+    end: V::S32,
+    /// Where the bits of the cell are in the next group.
+    cell: V::S32,
+    /// Those left of the group before.
+    bits: V::S32,
+}
+
+impl<V: Vpu> Found<V> {
+    /// The next record, if there is any left.
+    #[inline(always)]
+    pub fn next(&mut self, v: &mut V, walk: &Walk) -> Option<Entry<V>> {
+        let nothing = v.s_imm(0);
+        let records = walk.raster.records;
+        loop {
+            if v.branch(Compare::NotEqual, self.bits, nothing) {
+                let lane = take_lane(v, &mut self.bits);
+                let next = self.next;
+                let at = scalar!(v, (next - 16) + lane);
+                return Some(Entry { records, at });
+            }
+            let at = self.next;
+            if !v.branch(Compare::Less, at, self.end) {
+                return None;
+            }
+            let bits = v.s_load(records.column(field!(BlockRecord.cells)), self.cell);
+            let cell = self.cell;
+            self.cell = scalar!(v, cell + 16);
+            self.next = scalar!(v, at + 16);
+            if v.branch(Compare::NotEqual, bits, nothing) {
+                let starts = v.vload_f32(records.column(field!(BlockRecord.start)), at);
+                let reached = v.vcmp_le(starts, self.deepest);
+                let reached = v.kmov_to_scalar(reached);
+                self.bits = scalar!(v, bits & reached);
+            }
+        }
+    }
+}
+
 /// Walks the runs of one kind of primitives: 16 samples of a cell at a time, past all records of the cell.
 #[derive(Clone, Copy)]
 pub struct Walk {
     runs: Columns<Run>,
     run_count: u32,
     grid: Grid,
-    /// First records of the cells.
-    list_starts: Addr,
-    records: Records<CellRecord>,
+    raster: Raster,
+    kind: Kind,
 }
 
 impl Walk {
     /// The walk through the records of `kind`.
     pub fn new(kind: Kind, grid: &Grid, raster: &Raster, runs: &Runs) -> Walk {
-        let first_list = kind.first_list(grid.faces.cell_count());
-        Walk {
-            runs: runs.runs[kind as usize],
-            run_count: runs.counts[kind as usize],
-            grid: *grid,
-            list_starts: raster.lists.starts.plus_words(u64::from(first_list)),
-            records: raster.records,
-        }
+        let k = kind as usize;
+        Walk { runs: runs.runs[k], run_count: runs.counts[k], grid: *grid, raster: *raster, kind }
     }
 
     /// Number of runs that there are to walk: tasks of the step that does.
@@ -330,7 +376,7 @@ impl Walk {
     /// Walks run `run` and has `kernel` see all of it.
     #[inline(always)]
     pub fn run<V: Vpu>(&self, v: &mut V, run: V::S32, kernel: &impl See) {
-        let Walk { grid, list_starts, .. } = self;
+        let Walk { grid, raster, .. } = self;
         let zero = v.s_imm(0);
         let block = v.s_load(self.runs.column(field!(Run.block)), run);
         let share = v.s_load(self.runs.column(field!(Run.share)), run);
@@ -348,6 +394,7 @@ impl Walk {
         let bin = scalar!(v, first_cell >> 8);
         let face = v.s_load(grid.faces.bin_places.column(field!(BinPlace.face)), bin);
         let depths = depths_of_face(v, grid.samples, face);
+        let [record_first, record_end] = self.records(v, self.kind, block);
 
         let mut seen = zero;
         for number in 0..CHILDREN as i32 {
@@ -375,16 +422,25 @@ impl Walk {
             let mut i = scalar!(v, sample_first + from);
             let stop = scalar!(v, sample_first + to);
             let stop = lower(v, stop, sample_end);
-            let record_first = v.s_load(*list_starts, cell);
-            let record_end = v.s_load(list_starts.plus_words(1), cell);
+            // The first group with a record that touches the cell.
+            let mut group = record_first;
+            let mut bits_at = scalar!(v, group + { number });
+            let mut touched = false;
+            while v.branch(Compare::Less, group, record_end) {
+                let bits = v.s_load(raster.records.column(field!(BlockRecord.cells)), bits_at);
+                if v.branch(Compare::NotEqual, bits, zero) {
+                    touched = true;
+                    break;
+                }
+                group = scalar!(v, group + 16);
+                bits_at = scalar!(v, bits_at + 16);
+            }
             if let Some(zeros) = kernel.zeros()
-                && v.branch(Compare::Equal, record_first, record_end)
+                && !touched
             {
                 Walk::nothing(v, zeros, i, stop);
                 continue;
             }
-            let record_first = scalar!(v, record_first + record_first);
-            let record_end = scalar!(v, record_end + record_end);
             while v.branch(Compare::Less, i, stop) {
                 let live = lanes_below(v, i, stop);
                 // Past the last sample of all there is nothing to load.
@@ -392,9 +448,10 @@ impl Walk {
                 let position = each!(axis in [0, 1, 2] => {
                     v.vload_f32_or(none, live, grid.samples.column(field!(Sample.position[axis])), i)
                 });
-                let samples = Samples { live, first: i, block, cell, position };
+                let samples = Samples { live, first: i, block, cell: number, position };
                 let deepest = self.deepest(v, &samples, depths);
-                kernel.see(v, self, &samples, deepest, [record_first, record_end]);
+                let found = Found { deepest, next: group, end: record_end, cell: bits_at, bits: zero };
+                kernel.see(v, self, &samples, found);
                 i = scalar!(v, i + 16);
             }
         }
@@ -414,29 +471,30 @@ impl Walk {
         }
     }
 
-    /// Depth of the deepest of `samples`, as the bits of a positive float, which order like integers. Depths begin `depths`
-    /// words after the positions.
+    /// Depth of the deepest of `samples`, in every lane. Depths begin `depths` words after the positions.
     #[inline(always)]
-    fn deepest<V: Vpu>(&self, v: &mut V, samples: &Samples<V>, depths: V::S32) -> V::S32 {
+    fn deepest<V: Vpu>(&self, v: &mut V, samples: &Samples<V>, depths: V::S32) -> V::F32 {
         let none = v.vset_f32(0.0);
         let first = samples.first;
         let at = scalar!(v, depths + first);
         let depth = v.vload_f32_or(none, samples.live, self.grid.samples.column(field!(Sample.position)), at);
         let depth = v.vabs(depth);
-        let depth = math::reduce_max(v, depth);
-        let bits = v.bits_of(depth);
-        v.vextract(bits, 0)
+        math::reduce_max(v, depth)
     }
 
-    /// The record at word `at`.
-    pub fn record<V: Vpu>(&self, at: V::S32) -> Record<V, CellRecord> {
-        self.records.at(at)
-    }
-
-    /// Whether the primitive of the record at word `at` begins no deeper than `deepest`.
+    /// The records of `kind` of a block, see [`Raster::range`].
     #[inline(always)]
-    pub fn reaches<V: Vpu>(&self, v: &mut V, at: V::S32, deepest: V::S32) -> bool {
-        let start = v.s_load(self.records.field(field!(CellRecord.start)), at);
-        v.branch(Compare::LessEqual, start, deepest)
+    fn records<V: Vpu>(&self, v: &mut V, kind: Kind, block: V::S32) -> [V::S32; 2] {
+        let first_list = v.s_imm(Raster::first_list(kind, &self.grid) as i32);
+        let list = scalar!(v, first_list + block);
+        self.raster.range(v, list)
+    }
+
+    /// The records of `kind`, another than the one that is walked, that touch the cell of `samples` and are `found` to begin no deeper.
+    #[inline(always)]
+    pub fn of_kind<V: Vpu>(&self, v: &mut V, kind: Kind, samples: &Samples<V>, found: &Found<V>) -> Found<V> {
+        let [next, end] = self.records(v, kind, samples.block);
+        let cell = scalar!(v, next + { samples.cell });
+        Found { deepest: found.deepest, next, end, cell, bits: v.s_imm(0) }
     }
 }

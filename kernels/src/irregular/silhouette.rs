@@ -11,7 +11,7 @@ use super::primitives::{EdgeRecord, LightConstants, Primitives, TriangleRecord};
 use super::touch::faces_of_penumbras;
 use super::triangles;
 use crate::clear;
-use crate::columns::{lanes_below, task_range};
+use crate::columns::{Columns, lanes_below, task_range};
 use crate::expression::{each, int, scalar};
 use crate::field;
 use crate::plane::{Vec3, dot, edge_normal, sub};
@@ -30,13 +30,14 @@ pub fn detect(
     runner: &mut Runner<'_>,
 ) -> Result<Primitives, Stopped> {
     let triangle_count = scene.triangle_count;
-    let triangles = triangles::record(scene, light.radius, objects, runner)?;
+    let bounds = Columns::overwritten(runner.arena, triangle_count);
+    let triangles = triangles::record(scene, light.radius, objects, Some(bounds), runner)?;
     let (edges, edge_count) = if light.is_soft() {
         silhouettes(scene, light, objects, triangles, runner)?
     } else {
         (Records::default(), 0)
     };
-    Ok(Primitives { light, triangles, triangle_count, edges, edge_count })
+    Ok(Primitives { light, triangles, bounds, triangle_count, edges, edge_count })
 }
 
 /// Finds the edges that weigh something: weighs all, lists those, and makes their records. The records, and their number.

@@ -15,14 +15,14 @@ use crate::columns::Columns;
 use crate::expression::{each, int};
 use crate::field;
 use crate::plane;
-use crate::record::{Field, Record};
+use crate::record::{Field, Source};
 
 /// Rounding of a dot product of three terms, relative to the sum of their sizes, with a factor of four to spare.
-const DOT_SLACK: f32 = 1e-6;
+pub(super) const DOT_SLACK: f32 = 1e-6;
 
 /// Rounding of a cross product, relative to the product of the sums of the sizes of its factors, one of which is a difference; twice
 /// what it can be.
-const CROSS_SLACK: f32 = 5e-7;
+pub(super) const CROSS_SLACK: f32 = 5e-7;
 
 /// Rounding of a position on the image plane, whose coordinates are at most about 1.
 pub(super) const IMAGE_SLACK: f32 = 1e-6;
@@ -64,9 +64,14 @@ impl FaceFrame {
         [x, y, v.vmul(z, sign)]
     }
 
-    /// A vector of a record in this frame, each component in every lane.
+    /// A vector of a primitive in this frame.
     #[inline(always)]
-    fn load<V: Vpu, R>(&self, v: &mut V, record: Record<V, R>, field: Field<R, [f32; 3]>) -> [V::F32; 3] {
+    fn load<V: Vpu, R>(
+        &self,
+        v: &mut V,
+        record: impl Source<V, R>,
+        field: Field<R, [f32; 3]>,
+    ) -> [V::F32; 3] {
         let [x, y, z] = each!(i in [0, 1, 2] => record.float(v, field.at(self.axes[i])));
         if self.sign > 0.0 {
             return [x, y, z];
@@ -76,14 +81,14 @@ impl FaceFrame {
     }
 }
 
-/// A linear form on the image plane: `a x + b y + c`, with the sizes of `a` and `b`.
+/// A linear form on the image plane: `a x + b y + c`.
 struct Form<V: Vpu> {
     a: V::F32,
     b: V::F32,
     /// With the slack added.
     c: V::F32,
-    size_a: V::F32,
-    size_b: V::F32,
+    /// Sizes of `a` and `b`; `None` where `c` is greater by what the form grows by from the middle of a rectangle to its corner.
+    sizes: Option<[V::F32; 2]>,
 }
 
 impl<V: Vpu> Form<V> {
@@ -94,7 +99,15 @@ impl<V: Vpu> Form<V> {
         let sum = v.vadd(size[0], size[1]);
         let sum = v.vadd(sum, size[2]);
         let c = v.vmadd(sum, slack, n[2]);
-        Form { a: n[0], b: n[1], c, size_a: size[0], size_b: size[1] }
+        Form { a: n[0], b: n[1], c, sizes: Some([size[0], size[1]]) }
+    }
+
+    /// This form for rectangles that all have the same `half` width and height.
+    #[inline(always)]
+    fn over(self, v: &mut V, half: [V::F32; 2]) -> Form<V> {
+        let Some(sizes) = self.sizes else { return self };
+        let c = v.vmadd(sizes[0], half[0], self.c);
+        Form { c: v.vmadd(sizes[1], half[1], c), sizes: None, ..self }
     }
 
     /// The plane through the light and edge `edge` of `triangle`, its inside positive.
@@ -104,7 +117,7 @@ impl<V: Vpu> Form<V> {
     fn inward(
         v: &mut V,
         frame: FaceFrame,
-        triangle: Record<V, TriangleRecord>,
+        triangle: impl Source<V, TriangleRecord>,
         edge: usize,
         sign_bit: V::I32,
     ) -> Form<V> {
@@ -127,22 +140,28 @@ impl<V: Vpu> Form<V> {
     fn max(&self, v: &mut V, r: &Rectangles<V>) -> V::F32 {
         let at = v.vmadd(self.b, r.y, self.c);
         let at = v.vmadd(self.a, r.x, at);
-        let at = v.vmadd(self.size_a, r.half_x, at);
-        v.vmadd(self.size_b, r.half_y, at)
+        match (self.sizes, r.half) {
+            (Some(sizes), Some(half)) => {
+                let at = v.vmadd(sizes[0], half[0], at);
+                v.vmadd(sizes[1], half[1], at)
+            }
+            _ => at,
+        }
     }
 
-    /// As [`Form::max`], over the rectangles of nodes from `at` on, which are loaded meanwhile and returned.
+    /// As [`Form::max`], over the rectangles of `nodes`, which are loaded meanwhile and returned.
     #[inline(always)]
-    fn max_of(&self, v: &mut V, nodes: Columns<Node>, at: V::S32) -> (V::F32, Rectangles<V>) {
-        let y = v.vload_f32(nodes.column(field!(Node.center[1])), at);
+    fn max_of(&self, v: &mut V, nodes: impl NodeSource<V>) -> (V::F32, Rectangles<V>) {
+        let y = nodes.load(v, field!(Node.center[1]));
         let greatest = v.vmadd(self.b, y, self.c);
-        let x = v.vload_f32(nodes.column(field!(Node.center[0])), at);
+        let x = nodes.load(v, field!(Node.center[0]));
         let greatest = v.vmadd(self.a, x, greatest);
-        let half_x = v.vload_f32(nodes.column(field!(Node.half[0])), at);
-        let greatest = v.vmadd(self.size_a, half_x, greatest);
-        let half_y = v.vload_f32(nodes.column(field!(Node.half[1])), at);
-        let greatest = v.vmadd(self.size_b, half_y, greatest);
-        (greatest, Rectangles { x, y, half_x, half_y })
+        let Some(sizes) = self.sizes else { return (greatest, Rectangles { x, y, half: None }) };
+        let half_x = nodes.load(v, field!(Node.half[0]));
+        let greatest = v.vmadd(sizes[0], half_x, greatest);
+        let half_y = nodes.load(v, field!(Node.half[1]));
+        let greatest = v.vmadd(sizes[1], half_y, greatest);
+        (greatest, Rectangles { x, y, half: Some([half_x, half_y]) })
     }
 }
 
@@ -154,32 +173,112 @@ fn flipped<V: Vpu>(v: &mut V, x: V::F32, flip: V::I32) -> V::F32 {
     v.from_bits(bits)
 }
 
-/// 16 rectangles.
+/// The greatest value over rectangles about `middle`, with these halves of width and height, of the form that the product with `normal`
+/// is on the image plane.
+#[inline(always)]
+pub(super) fn greatest_form<V: Vpu>(
+    v: &mut V,
+    normal: [V::F32; 3],
+    middle: [V::F32; 2],
+    half: [V::F32; 2],
+) -> V::F32 {
+    let [x, y] = middle;
+    Form::new(v, normal).max(v, &Rectangles { x, y, half: Some(half) })
+}
+
+/// A rectangle in each lane.
 struct Rectangles<V: Vpu> {
     x: V::F32,
     y: V::F32,
-    half_x: V::F32,
-    half_y: V::F32,
+    /// Half of the width and of the height; `None` where the forms have them already, see [`Form::over`].
+    half: Option<[V::F32; 2]>,
 }
 
-/// Which of 16 rectangles a primitive touches, and the least depth of a receiver there that it can shadow.
+/// Where 16 lanes find what they are told of a node: 16 nodes [`SideBySide`], or [`OneNode`] for all of them.
+pub trait NodeSource<V: Vpu>: Copy {
+    /// A field of the node.
+    fn load(self, v: &mut V, field: Field<Node, f32>) -> V::F32;
+}
+
+/// The nodes from `at` on, one in each lane.
+pub struct SideBySide<V: Vpu> {
+    /// All nodes of their level.
+    pub nodes: Columns<Node>,
+    /// Number of the first.
+    pub at: V::S32,
+}
+
+impl<V: Vpu> NodeSource<V> for SideBySide<V> {
+    #[inline(always)]
+    fn load(self, v: &mut V, field: Field<Node, f32>) -> V::F32 {
+        v.vload_f32(self.nodes.column(field), self.at)
+    }
+}
+
+impl<V: Vpu> Clone for SideBySide<V> {
+    #[inline(always)]
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<V: Vpu> Copy for SideBySide<V> {}
+
+/// A node in every lane.
+pub struct OneNode<V: Vpu> {
+    /// All nodes of its level.
+    pub nodes: Columns<Node>,
+    /// Number of a node.
+    pub at: V::S32,
+    /// How many nodes behind that it is.
+    pub behind: u32,
+}
+
+impl<V: Vpu> NodeSource<V> for OneNode<V> {
+    #[inline(always)]
+    fn load(self, v: &mut V, field: Field<Node, f32>) -> V::F32 {
+        v.vbroadcast_f32(self.nodes.column(field).plus_words(u64::from(self.behind)), self.at)
+    }
+}
+
+impl<V: Vpu> Clone for OneNode<V> {
+    #[inline(always)]
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<V: Vpu> Copy for OneNode<V> {}
+
+/// Which rectangles primitives touch, a primitive and a rectangle in each lane, and the least depth of a receiver there that the
+/// primitive can shadow.
 pub trait Touch<V: Vpu> {
     /// The record that it is set up from.
     type Record;
-    /// What a test leaves for [`Touch::start`].
+    /// What a test leaves for [`Touch::most`].
     type Tested;
-    /// The primitive of `record` in a face's frame.
-    fn set_up(v: &mut V, faces: &Faces, frame: FaceFrame, record: Record<V, Self::Record>) -> Self;
-    /// Tests nodes `at..at + 16`, or those of them in `live`: what lies past the last node is no node.
-    fn touch(
-        &self,
-        v: &mut V,
-        nodes: Columns<Node>,
-        at: V::S32,
-        live: Option<V::Mask>,
-    ) -> (V::Mask, Self::Tested);
-    /// Least depth of a receiver that the primitive can shadow, in each of the rectangles that were `tested` and that it touches.
-    fn start(&self, v: &mut V, tested: Self::Tested) -> V::F32;
+    /// What [`Touch::start`] asks of all that was tested: the more of it there is, the less deep is the first receiver.
+    type Most;
+    /// The primitives of `record` in a face's frame.
+    fn set_up(v: &mut V, faces: &Faces, frame: FaceFrame, record: impl Source<V, Self::Record>) -> Self;
+    /// These primitives for rectangles that all have the same `half` width and height.
+    fn over(self, v: &mut V, half: [V::F32; 2]) -> Self;
+    /// Tests the rectangles of `nodes`, or those in the lanes `live`: what lies past the last node is no node.
+    fn touch(&self, v: &mut V, nodes: impl NodeSource<V>, live: Option<V::Mask>) -> (V::Mask, Self::Tested);
+    /// The most of what tests have left, the last of which is `here` and counts in the lanes it `touched`.
+    fn most(v: &mut V, all: Option<Self::Most>, touched: V::Mask, here: Self::Tested) -> Self::Most;
+    /// Least depth of a receiver that the primitive can shadow, in the rectangles that `most` is of, if it touches any.
+    fn start(&self, v: &mut V, most: Self::Most) -> V::F32;
+}
+
+/// The greater of two numbers, or the first, or what is below everything, where the second does not count.
+#[inline(always)]
+fn more<V: Vpu>(v: &mut V, all: Option<V::F32>, touched: V::Mask, here: V::F32) -> V::F32 {
+    let all = match all {
+        Some(all) => all,
+        None => v.vset_f32(-FAR),
+    };
+    v.vmax_or(all, touched, all, here)
 }
 
 /// A triangle in a face's frame: its three edge planes, turned inward, and its own plane.
@@ -193,9 +292,10 @@ impl<V: Vpu> Touch<V> for Triangle<V> {
     type Record = TriangleRecord;
     /// The plane's greatest slope over each rectangle.
     type Tested = V::F32;
+    type Most = V::F32;
 
     #[inline(always)]
-    fn set_up(v: &mut V, _: &Faces, frame: FaceFrame, triangle: Record<V, TriangleRecord>) -> Self {
+    fn set_up(v: &mut V, _: &Faces, frame: FaceFrame, triangle: impl Source<V, TriangleRecord>) -> Self {
         let sign_bit = v.vset_i32(i32::MIN);
         let edges = each!(edge in [0, 1, 2] => Form::inward(v, frame, triangle, edge, sign_bit));
         let normal = frame.load(v, triangle, field!(TriangleRecord.normal));
@@ -205,9 +305,16 @@ impl<V: Vpu> Touch<V> for Triangle<V> {
     }
 
     #[inline(always)]
-    fn touch(&self, v: &mut V, nodes: Columns<Node>, at: V::S32, live: Option<V::Mask>) -> (V::Mask, V::F32) {
+    fn over(self, v: &mut V, half: [V::F32; 2]) -> Self {
+        let [first, second, third] = self.edges;
+        let edges = [first.over(v, half), second.over(v, half), third.over(v, half)];
+        Triangle { edges, plane: self.plane.over(v, half), distance: self.distance }
+    }
+
+    #[inline(always)]
+    fn touch(&self, v: &mut V, nodes: impl NodeSource<V>, live: Option<V::Mask>) -> (V::Mask, V::F32) {
         // Some point inside each edge plane.
-        let (inside, rectangles) = self.edges[0].max_of(v, nodes, at);
+        let (inside, rectangles) = self.edges[0].max_of(v, nodes);
         let zero = v.vset_f32(0.0);
         let mut touched = match live {
             None => v.vcmp_ge(inside, zero),
@@ -219,10 +326,15 @@ impl<V: Vpu> Touch<V> for Triangle<V> {
         }
         // The deepest receiver beyond the plane.
         let slope = self.plane.max(v, &rectangles);
-        let depth = v.vload_f32(nodes.column(field!(Node.depth)), at);
+        let depth = nodes.load(v, field!(Node.depth));
         let beyond = v.vmul(slope, depth);
-        let touched = v.vcmp_ge_masked(touched, beyond, self.distance);
-        (v.vcmp_gt_masked(touched, depth, zero), slope)
+        // Where there is no receiver the depth is 0, and less than any distance.
+        (v.vcmp_ge_masked(touched, beyond, self.distance), slope)
+    }
+
+    #[inline(always)]
+    fn most(v: &mut V, all: Option<V::F32>, touched: V::Mask, here: V::F32) -> V::F32 {
+        more(v, all, touched, here)
     }
 
     #[inline(always)]
@@ -233,7 +345,7 @@ impl<V: Vpu> Touch<V> for Triangle<V> {
 
 /// Depth at which receivers of a rectangle come to be beyond a triangle's plane at `distance`, whose greatest slope there is `slope`.
 #[inline(always)]
-fn plane_start<V: Vpu>(v: &mut V, distance: V::F32, slope: V::F32) -> V::F32 {
+pub(super) fn plane_start<V: Vpu>(v: &mut V, distance: V::F32, slope: V::F32) -> V::F32 {
     let inverse = v.vrcp(slope);
     let less = v.vset_f32(1.0 - DOT_SLACK);
     let start = v.vmul(distance, inverse);
@@ -259,9 +371,11 @@ impl<V: Vpu> Touch<V> for Wide<V> {
     type Record = WideTriangle;
     /// What is left of the widths, and the plane's greatest slope over each rectangle.
     type Tested = (Left<V>, V::F32);
+    /// The widths that are left, and the slope.
+    type Most = [V::F32; 2];
 
     #[inline(always)]
-    fn set_up(v: &mut V, faces: &Faces, frame: FaceFrame, record: Record<V, WideTriangle>) -> Self {
+    fn set_up(v: &mut V, faces: &Faces, frame: FaceFrame, record: impl Source<V, WideTriangle>) -> Self {
         let (zero, one) = (v.vset_f32(0.0), v.vset_f32(1.0));
         let corners = each!(corner in [0, 1, 2] => record.vec3(v, field!(WideTriangle.corners[corner])));
         let sign_bit = v.vset_i32(i32::MIN);
@@ -324,14 +438,15 @@ impl<V: Vpu> Touch<V> for Wide<V> {
     }
 
     #[inline(always)]
-    fn touch(
-        &self,
-        v: &mut V,
-        nodes: Columns<Node>,
-        at: V::S32,
-        live: Option<V::Mask>,
-    ) -> (V::Mask, (Left<V>, V::F32)) {
-        let (inside, rectangles) = self.edges[0].max_of(v, nodes, at);
+    fn over(self, v: &mut V, half: [V::F32; 2]) -> Self {
+        let [first, second, third] = self.edges;
+        let edges = [first.over(v, half), second.over(v, half), third.over(v, half)];
+        Wide { edges, plane: self.plane.over(v, half), ..self }
+    }
+
+    #[inline(always)]
+    fn touch(&self, v: &mut V, nodes: impl NodeSource<V>, live: Option<V::Mask>) -> (V::Mask, Self::Tested) {
+        let (inside, rectangles) = self.edges[0].max_of(v, nodes);
         let zero = v.vset_f32(0.0);
         let beyond = v.vsub(zero, inside);
         let mut outside = v.vmax(zero, beyond);
@@ -340,11 +455,11 @@ impl<V: Vpu> Touch<V> for Wide<V> {
             let beyond = v.vsub(zero, inside);
             outside = v.vmax(outside, beyond);
         }
-        let (touched, left) = self.widths.touch(v, nodes, at, outside, live);
+        let (touched, left) = self.widths.touch(v, nodes, outside, live);
 
         // The deepest receiver beyond the plane.
         let slope = self.plane.max(v, &rectangles);
-        let depth = v.vload_f32(nodes.column(field!(Node.depth)), at);
+        let depth = nodes.load(v, field!(Node.depth));
         let beyond = v.vmul(slope, depth);
         let is_beyond = v.vcmp_ge(beyond, self.distance);
         let is_beyond = v.kor(is_beyond, self.cuts);
@@ -352,8 +467,23 @@ impl<V: Vpu> Touch<V> for Wide<V> {
     }
 
     #[inline(always)]
-    fn start(&self, v: &mut V, (left, slope): (Left<V>, V::F32)) -> V::F32 {
-        let start = self.widths.start(v, left);
+    fn most(
+        v: &mut V,
+        all: Option<[V::F32; 2]>,
+        touched: V::Mask,
+        (left, slope): Self::Tested,
+    ) -> [V::F32; 2] {
+        let (all_left, all_slopes) = match all {
+            Some([left, slope]) => (Some(left), Some(slope)),
+            None => (None, None),
+        };
+        let left = left.width(v);
+        [more(v, all_left, touched, left), more(v, all_slopes, touched, slope)]
+    }
+
+    #[inline(always)]
+    fn start(&self, v: &mut V, [left, slope]: [V::F32; 2]) -> V::F32 {
+        let start = wedge_start(v, self.widths.far, left);
         let plane_start = plane_start(v, self.distance, slope);
         let zero = v.vset_f32(0.0);
         let plane_start = v.vblend_f32(self.cuts, zero, plane_start);
@@ -363,7 +493,7 @@ impl<V: Vpu> Touch<V> for Wide<V> {
 
 /// The sum of the sizes of the components.
 #[inline(always)]
-fn sum_of_sizes<V: Vpu>(v: &mut V, p: [V::F32; 3]) -> V::F32 {
+pub(super) fn sum_of_sizes<V: Vpu>(v: &mut V, p: [V::F32; 3]) -> V::F32 {
     let [x, y, z] = each!(axis in [0, 1, 2] => v.vabs(p[axis]));
     let sum = v.vadd(x, y);
     v.vadd(sum, z)
@@ -416,24 +546,40 @@ pub(crate) fn image<V: Vpu>(v: &mut V, mut a: [V::F32; 3], mut b: [V::F32; 3], l
 /// A silhouette edge in a face's frame: its image, and the half width of its penumbra by depth [algorithms, 2.7].
 ///
 /// Point v touches the penumbra of receiver p only if sin phi <= r (1/|v| - cos phi/|p|). With images v' and p' on the
-/// plane at distance 1, their distance is at most |v'| |p'| sin phi, and |v| = z_v |v'|, |p| = z_p |p'|, hence
-/// **distance <= r (|p'| / z_v - cos phi |v'| / z_p)**.
+/// plane at distance 1, |v' x p'| = |v'| |p'| sin phi, and |v| = z_v |v'|, |p| = z_p |p'|, hence
+/// **|v' x p'| <= r (|p'| / z_v - cos phi |v'| / z_p)**. The product is their distance on the image plane or more: the more, the farther
+/// they lie off the axis and around it from each other, as discs that face receivers have ellipses for images.
 ///
 /// For a disc that lies along the face, [`Form::Printed`](primitives::Form), the footprint on the image plane is a circle, and
 /// **distance <= r (1 / z_v - 1 / z_p)**, the quad of [johnson09, §2.2].
 pub struct Edge<V: Vpu> {
     from: [V::F32; 2],
     along: [V::F32; 2],
-    per_length2: V::F32,
+    measure: Measure<V>,
     widths: Widths<V>,
+}
+
+/// How the distance of a place from an edge is measured on the image plane.
+enum Measure<V: Vpu> {
+    /// As a distance; with one over the square of the edge's length.
+    Distance(V::F32),
+    /// As the size of the product v' x p', see [`Edge`].
+    Product {
+        /// Square of the edge's length.
+        length2: V::F32,
+        /// Greatest |v'|: what the product grows by, at most, for each unit that a place moves.
+        growth: V::F32,
+    },
 }
 
 impl<V: Vpu> Touch<V> for Edge<V> {
     type Record = EdgeRecord;
     type Tested = Left<V>;
+    /// The width that is left.
+    type Most = V::F32;
 
     #[inline(always)]
-    fn set_up(v: &mut V, faces: &Faces, frame: FaceFrame, record: Record<V, EdgeRecord>) -> Self {
+    fn set_up(v: &mut V, faces: &Faces, frame: FaceFrame, record: impl Source<V, EdgeRecord>) -> Self {
         let zero = v.vset_f32(0.0);
         let one = v.vset_f32(1.0);
         let a = frame.load(v, record, field!(EdgeRecord.ends[0]));
@@ -455,56 +601,82 @@ impl<V: Vpu> Touch<V> for Edge<V> {
         let per_depth = v.vmax(per_a, per_b);
         let near = v.vmul(radius, per_depth);
         let slack = v.vset_f32(IMAGE_SLACK);
+        // Ends that lie far off the face round by their own size.
+        let mut farthest = one;
+        for x in [from[0], from[1], to[0], to[1]] {
+            let size = v.vabs(x);
+            farthest = v.vmax(farthest, size);
+        }
+        let slack = v.vmul(farthest, slack);
         if faces.form == primitives::Form::Printed {
-            // Ends that lie far off the face round by their own size.
-            let mut farthest = one;
-            for x in [from[0], from[1], to[0], to[1]] {
-                let size = v.vabs(x);
-                farthest = v.vmax(farthest, size);
-            }
-            let slack = v.vmul(farthest, slack);
             let less = v.vset_f32(1.0 - WIDTH_SLACK);
             let far = v.vmul(radius, less);
             let widths = Widths { is_flat: true, ..Widths::new(v, [near, far, slack]) };
-            return Edge { from, along, per_length2, widths: widths.unless_behind(v, in_front) };
+            let measure = Measure::Distance(per_length2);
+            return Edge { from, along, measure, widths: widths.unless_behind(v, in_front) };
         }
 
+        // A product rounds by the sizes of both its factors.
+        let slack = v.vmul(farthest, slack);
+        let [of_from, of_to] = each!(end in [from, to] => {
+            let y2 = v.vmadd(end[1], end[1], one);
+            v.vmadd(end[0], end[0], y2)
+        });
+        let growth = v.vmax(of_from, of_to);
+        let growth = math::sqrt(v, growth);
         let cos = Widths::cos(v, radius, least, [zero, one]);
         let origin = [v.vsub(zero, from[0]), v.vsub(zero, from[1])];
         let origin_distance2 = distance2(v, origin, along, per_length2, [zero, one]);
         let far = Widths::far(v, radius, cos, origin_distance2, one);
         let widths = Widths::new(v, [near, far, slack]).unless_behind(v, in_front);
-        Edge { from, along, per_length2, widths: widths.or_everywhere(v, everywhere, zero) }
+        let measure = Measure::Product { length2, growth };
+        Edge { from, along, measure, widths: widths.or_everywhere(v, everywhere, zero) }
     }
 
-    /// The distance of a rectangle is that of its middle less half of its diagonal, at least.
     #[inline(always)]
-    fn touch(
-        &self,
-        v: &mut V,
-        nodes: Columns<Node>,
-        at: V::S32,
-        live: Option<V::Mask>,
-    ) -> (V::Mask, Left<V>) {
-        let x = v.vload_f32(nodes.column(field!(Node.center[0])), at);
-        let x = v.vsub(x, self.from[0]);
-        let y = v.vload_f32(nodes.column(field!(Node.center[1])), at);
-        let y = v.vsub(y, self.from[1]);
+    fn over(self, _: &mut V, _: [V::F32; 2]) -> Self {
+        self
+    }
+
+    /// The distance of what a node holds is that of the middle of its circle less the radius, at least.
+    #[inline(always)]
+    fn touch(&self, v: &mut V, nodes: impl NodeSource<V>, live: Option<V::Mask>) -> (V::Mask, Left<V>) {
+        let middle_x = nodes.load(v, field!(Node.middle[0]));
+        let x = v.vsub(middle_x, self.from[0]);
+        let middle_y = nodes.load(v, field!(Node.middle[1]));
+        let y = v.vsub(middle_y, self.from[1]);
         let zero = v.vset_f32(0.0);
         let one = v.vset_f32(1.0);
-        let distance2 = distance2(v, [x, y], self.along, self.per_length2, [zero, one]);
+        let (distance2, growth) = match self.measure {
+            Measure::Distance(per_length2) => {
+                (distance2(v, [x, y], self.along, per_length2, [zero, one]), None)
+            }
+            Measure::Product { length2, growth } => {
+                let place = [middle_x, middle_y];
+                (product2(v, [x, y], place, self.from, (self.along, length2), [zero, one]), Some(growth))
+            }
+        };
         let per_distance = v.vrsqrt(distance2);
-        let half = v.vload_f32(nodes.column(field!(Node.half_diagonal)), at);
+        let radius = nodes.load(v, field!(Node.radius));
         let distance = v.vmul(distance2, per_distance);
-        let distance = v.vsub(distance, half);
+        let distance = match growth {
+            None => v.vsub(distance, radius),
+            Some(growth) => v.vnmadd(growth, radius, distance),
+        };
         // The greater of a NaN and 0 is 0: a middle on the edge itself.
         let distance = v.vmax(distance, zero);
-        self.widths.touch(v, nodes, at, distance, live)
+        self.widths.touch(v, nodes, distance, live)
     }
 
     #[inline(always)]
-    fn start(&self, v: &mut V, left: Left<V>) -> V::F32 {
-        self.widths.start(v, left)
+    fn most(v: &mut V, all: Option<V::F32>, touched: V::Mask, here: Left<V>) -> V::F32 {
+        let here = here.width(v);
+        more(v, all, touched, here)
+    }
+
+    #[inline(always)]
+    fn start(&self, v: &mut V, left: V::F32) -> V::F32 {
+        wedge_start(v, self.widths.far, left)
     }
 }
 
@@ -524,6 +696,14 @@ struct Widths<V: Vpu> {
 pub struct Left<V: Vpu> {
     widest: V::F32,
     distance: V::F32,
+}
+
+impl<V: Vpu> Left<V> {
+    /// Half width of the penumbra at infinite depth, less the distance.
+    #[inline(always)]
+    fn width(self, v: &mut V) -> V::F32 {
+        v.vsub(self.widest, self.distance)
+    }
 }
 
 impl<V: Vpu> Widths<V> {
@@ -580,8 +760,7 @@ impl<V: Vpu> Widths<V> {
     fn touch(
         &self,
         v: &mut V,
-        nodes: Columns<Node>,
-        at: V::S32,
+        nodes: impl NodeSource<V>,
         distance: V::F32,
         live: Option<V::Mask>,
     ) -> (V::Mask, Left<V>) {
@@ -589,10 +768,10 @@ impl<V: Vpu> Widths<V> {
         let widest = if self.is_flat {
             v.vadd(self.near, self.slack)
         } else {
-            let reach = v.vload_f32(nodes.column(field!(Node.reach)), at);
+            let reach = nodes.load(v, field!(Node.reach));
             v.vmadd(self.near, reach, self.slack)
         };
-        let per_depth = v.vload_f32(nodes.column(field!(Node.per_depth)), at);
+        let per_depth = nodes.load(v, field!(Node.per_depth));
         let width = v.vnmadd(self.far, per_depth, widest);
         let touched = match live {
             None => v.vcmp_le(distance, width),
@@ -600,16 +779,9 @@ impl<V: Vpu> Widths<V> {
         };
         (touched, Left { widest, distance })
     }
-
-    /// Wedge test [algorithms, 2.7]: the depth at which the penumbra reaches a rectangle.
-    #[inline(always)]
-    fn start(&self, v: &mut V, Left { widest, distance }: Left<V>) -> V::F32 {
-        let left = v.vsub(widest, distance);
-        wedge_start(v, self.far, left)
-    }
 }
 
-/// Least depth of a receiver in a column that a penumbra touches: `far_width / left`, where `left` is the half width at
+/// Wedge test: the least depth of a receiver in a column that a penumbra touches, `far_width / left`, where `left` is the half width at
 /// infinite depth less the distance of the column [algorithms, 2.7]. Farther than any receiver where `left` is not
 /// positive.
 #[inline(always)]
@@ -744,4 +916,39 @@ fn distance2<V: Vpu>(
     let y = v.vnmadd(t, along[1], p[1]);
     let y2 = v.vmul(y, y);
     v.vmadd(x, x, y2)
+}
+
+/// Least square of the product v' x p' of 16 places with the points of an edge's image, see [`Edge`]. The image runs `along` from `from` on,
+/// whose square length is `length2`; `p` leads from there to the `place`. The constants 0 and 1 are the caller's.
+///
+/// The product is linear along the edge: a line in space, whose distance from the origin this is.
+#[inline(always)]
+fn product2<V: Vpu>(
+    v: &mut V,
+    p: [V::F32; 2],
+    place: [V::F32; 2],
+    from: [V::F32; 2],
+    (along, length2): ([V::F32; 2], V::F32),
+    [zero, one]: [V::F32; 2],
+) -> V::F32 {
+    // Components at the beginning are -p_y, p_x and `around`; along the edge they grow by along_y, -along_x and `growth`.
+    let around = v.vmul(from[1], p[0]);
+    let around = v.vmsub(from[0], p[1], around);
+    let growth = v.vmul(along[1], place[0]);
+    let growth = v.vmsub(along[0], place[1], growth);
+    let t = v.vmul(p[1], along[1]);
+    let t = v.vmadd(p[0], along[0], t);
+    let t = v.vnmadd(around, growth, t);
+    let length2 = v.vmadd(growth, growth, length2);
+    let per_length2 = v.vrcp(length2);
+    let t = v.vmul(t, per_length2);
+    // The greater of a NaN and 0 is 0: an edge that is seen along itself.
+    let t = v.vmax(t, zero);
+    let t = v.vmin(t, one);
+    let x = v.vnmadd(t, along[0], p[0]);
+    let y = v.vnmadd(t, along[1], p[1]);
+    let z = v.vmadd(t, growth, around);
+    let z2 = v.vmul(z, z);
+    let yz2 = v.vmadd(y, y, z2);
+    v.vmadd(x, x, yz2)
 }

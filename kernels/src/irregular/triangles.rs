@@ -4,10 +4,13 @@
 
 use lrbsim_isa::{Compare, Kernel, Runner, Step, Stopped, Vpu};
 
-use super::CHILDREN;
-use super::primitives::{AWAY, CUTS, FACES_SHIFT, TriangleRecord};
-use super::touch::faces_of_triangles;
-use crate::columns::{lanes_below, task_range};
+use super::faces::{Constants, OwnFaces};
+use super::primitives::{AWAY, BACK, CUTS, FRONT, TriangleBounds, TriangleRecord, WITHIN};
+use super::touch::{
+    CROSS_SLACK, DOT_SLACK, IMAGE_SLACK, faces_of_triangles, greatest_form, plane_start, sum_of_sizes,
+};
+use super::{CHILDREN, FAR};
+use crate::columns::{Columns, lanes_below, task_range};
 use crate::expression::{each, int, scalar};
 use crate::field;
 use crate::plane::{Vec3, cross, dot, edge_normal, plane_slack, sub};
@@ -17,16 +20,22 @@ use crate::scene::{ObjectNumbers, Scene, Triangle};
 /// Number of triangles that a task handles.
 const TASK: u32 = 256;
 
-/// Makes the records of all triangles, for a light of this radius; with numbers of their objects, if `objects` are given.
+/// How much wider than a triangle's image its bounds are made at most. A triangle that would ask for more, such as one that is seen
+/// nearly edge-on, is within no face.
+const WIDER_MAX: f32 = 1e-2;
+
+/// Makes the records of all triangles, for a light of this radius; with numbers of their objects, if `objects` are given, and with
+/// their bounds, if there is room for these.
 pub fn record(
     scene: &Scene,
     radius: f32,
     objects: Option<ObjectNumbers>,
+    bounds: Option<Columns<TriangleBounds>>,
     runner: &mut Runner<'_>,
 ) -> Result<Records<TriangleRecord>, Stopped> {
     let count = scene.triangle_count;
     let records = Records::overwritten(runner.arena, u64::from(count.next_multiple_of(CHILDREN)));
-    let kernel = TriangleRecords { scene: *scene, radius, objects, records };
+    let kernel = TriangleRecords { scene: *scene, radius, objects, records, bounds };
     // SAFETY: each task writes the records of its own triangles.
     runner.run(&unsafe { Step::independent("triangle records", count.div_ceil(TASK), kernel) })?;
     Ok(records)
@@ -40,16 +49,20 @@ struct TriangleRecords {
     /// Numbers of objects, where they go with the records.
     objects: Option<ObjectNumbers>,
     records: Records<TriangleRecord>,
+    /// Bounds of the triangles, for methods that bin them.
+    bounds: Option<Columns<TriangleBounds>>,
 }
 
 impl Kernel for TriangleRecords {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
-        let TriangleRecords { scene, radius, objects, records } = self;
+        let TriangleRecords { scene, radius, objects, records, bounds } = self;
         let (mut i, end) = task_range(v, task, TASK, scene.triangle_count);
         let lane = v.viota();
         let words = v.vset_i32(words::<TriangleRecord>() as i32);
-        let zero = v.vset_f32(0.0);
+        let constants = Constants::new(v);
+        let zero = constants.zero;
+        let none = v.vset_i32(0);
         let sign_bit = v.vset_i32(i32::MIN);
         while v.branch(Compare::Less, i, end) {
             let live = lanes_below(v, i, end);
@@ -70,10 +83,16 @@ impl Kernel for TriangleRecords {
             let distance = v.vabs(det);
             let slack = plane_slack(v, [a, b, c], normal);
             let plane = v.vadd(distance, slack);
+            let within = match *bounds {
+                None => None,
+                Some(bounds) => {
+                    let within = Within { bounds, live, i };
+                    Some(within.find(v, &constants, [a, b, c], (outward, plane)))
+                }
+            };
 
             // Layers by the facing; none for a triangle that is edge-on to the light.
             let layers = layers(v, counted, away, toward);
-
             let cuts = cuts(v, normal, det, *radius);
             let cut_bit = v.vset_i32(CUTS);
             let layers = v.vor_or(layers, cuts, layers, cut_bit);
@@ -103,11 +122,17 @@ impl Kernel for TriangleRecords {
                 let flag = if edge == 0 { layers } else { v.vset_i32(0) };
                 flags[edge] = v.vor_or(flag, right, flag, sign_bit);
             }
-            // Faces that it can shadow, so that binning skips the others.
-            let faces = faces_of_triangles(v, inward);
-            let shift = v.vset_i32(FACES_SHIFT);
-            let first = flags[0];
-            flags[0] = int!(v, first | (faces << shift));
+            if let (Some(bounds), Some((within, own))) = (*bounds, within) {
+                // Faces that it can shadow, so that binning skips the others.
+                let faces = faces_of_triangles(v, inward);
+                let flag = v.vset_i32(WITHIN);
+                let faces = v.vor_or(faces, within, own, flag);
+                let hides = v.vset_i32(FRONT | BACK);
+                let hides = v.vand(layers, hides);
+                let hides = v.vicmp_neq(hides, none);
+                let faces = v.vblend_i32(hides, faces, none);
+                v.vstore_i32(live, bounds.column(field!(TriangleBounds.faces)), i, faces);
+            }
             if let Some(objects) = objects {
                 let object = v.vload_i32(objects.triangles, i);
                 let second = flags[1];
@@ -122,6 +147,122 @@ impl Kernel for TriangleRecords {
             v.vscatter_f32(live, records.field(field!(TriangleRecord.plane)), at, plane);
             i = scalar!(v, i + 16);
         }
+    }
+}
+
+/// Where the bounds of 16 triangles go.
+struct Within<V: Vpu> {
+    bounds: Columns<TriangleBounds>,
+    live: V::Mask,
+    /// Number of the first triangle.
+    i: V::S32,
+}
+
+impl<V: Vpu> Within<V> {
+    /// Leaves the bounds of the triangles that lie within a face; the lanes of these, and a bit for the face. The normals of the triangles
+    /// point away from the light, where a triangle's points have the product `plane` with it, or less.
+    ///
+    /// Receivers are shadowed by what lies between three planes, as they are rounded. Each is off its edge by a part of how long the
+    /// edge is beside its image, and what lies between two of them reaches past their corner the farther, the sharper that is.
+    /// Both together are what bounds are wider by: of the longest edge, as long as it is on the image, over the area of the image.
+    #[inline(always)]
+    fn find(
+        &self,
+        v: &mut V,
+        constants: &Constants<V>,
+        corners: [Vec3<V>; 3],
+        (normal, plane): (Vec3<V>, V::F32),
+    ) -> (V::Mask, V::I32) {
+        let Within { bounds, live, i } = *self;
+        let (zero, one) = (constants.zero, constants.one);
+        let face = OwnFaces::of(v, constants, corners[0]);
+        let seen = each!(k in [0, 1, 2] => face.turn(v, constants, corners[k]));
+        let nearest = v.vmin(seen[0][2], seen[1][2]);
+        let nearest = v.vmin(nearest, seen[2][2]);
+        let within = v.vcmp_gt(nearest, zero);
+        let images = each!(k in [0, 1, 2] => {
+            let per_depth = v.vrcp(seen[k][2]);
+            [v.vmul(seen[k][0], per_depth), v.vmul(seen[k][1], per_depth)]
+        });
+
+        // The longest edge, the longest image of any, and the area that the images enclose.
+        let mut longest = zero;
+        let mut longest2 = zero;
+        let sides = each!(side in [(0, 1), (1, 2), (2, 0)] => {
+            let (from, to) = side;
+            let along = sub(v, seen[to], seen[from]);
+            let size = sum_of_sizes(v, along);
+            longest = v.vmax(longest, size);
+            let image = [v.vsub(images[to][0], images[from][0]), v.vsub(images[to][1], images[from][1])];
+            let length2 = v.vmul(image[1], image[1]);
+            let length2 = v.vmadd(image[0], image[0], length2);
+            longest2 = v.vmax(longest2, length2);
+            image
+        });
+        let area = v.vmul(sides[0][1], sides[1][0]);
+        let area = v.vmsub(sides[0][0], sides[1][1], area);
+        let area = v.vabs(area);
+        let [[low_x, high_x], [low_y, high_y]] = each!(axis in [0, 1] => {
+            let low = v.vmin(images[0][axis], images[1][axis]);
+            let low = v.vmin(low, images[2][axis]);
+            let high = v.vmax(images[0][axis], images[1][axis]);
+            [low, v.vmax(high, images[2][axis])]
+        });
+        let [reach_x, reach_y] = each!(span in [(low_x, high_x), (low_y, high_y)] => {
+            let (below, above) = (v.vabs(span.0), v.vabs(span.1));
+            v.vmax(below, above)
+        });
+        let reach = v.vadd(reach_x, reach_y);
+        let reach = v.vadd(reach, one);
+
+        let per_longest = v.vrsqrt(longest2);
+        let length = v.vmul(longest2, per_longest);
+        let per_nearest = v.vrcp(nearest);
+        let of_edge = v.vmul(longest, per_nearest);
+        let of_edge = v.vmul(of_edge, reach);
+        let crossed = v.vset_f32(CROSS_SLACK);
+        let of_edge = v.vmul(of_edge, crossed);
+        let dotted = v.vset_f32(DOT_SLACK);
+        let of_image = v.vmul(length, dotted);
+        let slack = v.vadd(of_edge, of_image);
+        let slack = v.vmul(slack, reach);
+        let twice = v.vadd(length, length);
+        let slack = v.vmul(slack, twice);
+        let per_area = v.vrcp(area);
+        let slack = v.vmul(slack, per_area);
+        // A NaN is not less than anything.
+        let most = v.vset_f32(WIDER_MAX);
+        let within = v.vcmp_lt_masked(within, slack, most);
+        let least = v.vset_f32(2.0 * IMAGE_SLACK);
+        let slack = v.vadd(slack, least);
+        let farthest = v.vmax(reach_x, reach_y);
+        let farthest = v.vadd(farthest, slack);
+        let within = v.vcmp_lt_masked(within, farthest, one);
+
+        let half = v.vset_f32(0.5);
+        let [of_x, of_y] = each!(span in [(0, low_x, high_x), (1, low_y, high_y)] => {
+            let (axis, low, high) = span;
+            let low = v.vsub(low, slack);
+            let high = v.vadd(high, slack);
+            v.vstore_f32(live, bounds.column(field!(TriangleBounds.low[axis])), i, low);
+            v.vstore_f32(live, bounds.column(field!(TriangleBounds.high[axis])), i, high);
+            let sum = v.vadd(low, high);
+            let extent = v.vsub(high, low);
+            // Half a slack wider, which covers what the middle is rounded by.
+            let extent = v.vadd(extent, slack);
+            (v.vmul(sum, half), v.vmul(extent, half))
+        });
+        let normal = face.turn(v, constants, normal);
+        let slope = greatest_form(v, normal, [of_x.0, of_y.0], [of_x.1, of_y.1]);
+        let start = plane_start(v, plane, slope);
+        let reached = v.vcmp_gt(slope, zero);
+        let far = v.vset_f32(FAR);
+        let start = v.vblend_f32(reached, start, far);
+        // Of what holds no receiver the depth is 0, and that reaches nothing.
+        let least = v.vset_f32(1.0 / FAR);
+        let start = v.vmax(start, least);
+        v.vstore_f32(live, bounds.column(field!(TriangleBounds.start)), i, start);
+        (within, v.vsll(constants.whole[1], face.number))
     }
 }
 

@@ -73,7 +73,7 @@ impl DepthMap {
         let receivers = Receivers::new(input, runner.arena);
 
         runner.phase(&SETUP);
-        let triangles = triangles::record(&scene, 0.0, None, runner)?;
+        let triangles = triangles::record(&scene, 0.0, None, None, runner)?;
         let layout = Layout::build(&receivers, size, margin, runner)?;
         DepthMap::draw_scene(&scene, receivers, triangles, layout, input.largest, runner)
     }

@@ -19,11 +19,10 @@ use crate::expression::{each, int, scalar};
 use crate::field;
 use crate::irregular::grid::{Grid, Sample};
 use crate::irregular::primitives::{CUTS, LightConstants, WideTriangle};
-use crate::irregular::raster::CellRecord;
 use crate::irregular::receivers::Receiver;
-use crate::irregular::run::{Samples, Shade, Walk};
+use crate::irregular::run::{Entry, Samples, Shade, Walk};
 use crate::plane::{Vec3, cross, dot, sub};
-use crate::record::{Record, Records};
+use crate::record::Records;
 use crate::samples::LightSamples;
 use crate::sism::soft::view;
 
@@ -136,19 +135,13 @@ impl Shade for Part<'_> {
     }
 
     #[inline(always)]
-    fn add<V: Vpu>(
-        &self,
-        v: &mut V,
-        samples: &Samples<V>,
-        state: &mut Hidden<V>,
-        entry: Record<V, CellRecord>,
-    ) {
+    fn add<V: Vpu>(&self, v: &mut V, samples: &Samples<V>, state: &mut Hidden<V>, entry: Entry<V>) {
         let live = v.kandn(state.dark, samples.live);
         if !v.branch_any(live) {
             return;
         }
-        let number = entry.scalar(v, field!(CellRecord.primitive));
-        let in_every_lane = entry.int(v, field!(CellRecord.primitive));
+        let number = entry.number(v);
+        let in_every_lane = entry.in_every_lane(v);
         let others = v.vicmp_neq_masked(live, state.own, in_every_lane);
         let triangle = self.cover.triangles.record(v, number);
         let zero = v.vset_f32(0.0);

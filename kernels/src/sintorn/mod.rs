@@ -84,10 +84,11 @@ impl Method for Sintorn {
         let samples = LightSamples::new(runner.arena, light.shape.outline(), 64 << choice);
 
         runner.phase(&TRIANGLES);
-        let records = triangles::record(&scene, light, runner)?;
+        let (records, bounds) = triangles::record(&scene, light, runner)?;
         let primitives = Primitives {
             light,
             triangles: records,
+            bounds,
             triangle_count: scene.triangle_count,
             edges: Records::default(),
             edge_count: 0,
@@ -100,7 +101,8 @@ impl Method for Sintorn {
         let bins = Bins::build(&primitives, &grid, runner)?;
 
         runner.phase(&RASTER);
-        let raster = Raster::build(&primitives, &grid, &bins, runner)?;
+        let raster = Raster::build(&grid, &bins, runner)?;
+        raster.find_cells(&primitives, &grid, runner)?;
         let runs = Runs::build(&grid, &raster, RunSizes([RUN; 2]), runner)?;
 
         runner.phase(&COVER);

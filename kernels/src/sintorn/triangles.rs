@@ -4,10 +4,10 @@
 
 use lrbsim_isa::{Compare, Kernel, Runner, Step, Stopped, Vpu, math};
 
-use crate::columns::{lanes_below, task_range};
+use crate::columns::{Columns, lanes_below, task_range};
 use crate::expression::{each, int, scalar};
 use crate::field;
-use crate::irregular::primitives::{CUTS, FACES_SHIFT, LightConstants, WideTriangle};
+use crate::irregular::primitives::{BACK, CUTS, FRONT, LightConstants, TriangleBounds, WideTriangle};
 use crate::irregular::silhouette::least_distance2;
 use crate::irregular::touch::faces_of_penumbras;
 use crate::irregular::triangles::{cuts, layers};
@@ -19,18 +19,19 @@ use crate::scene::{Scene, Triangle};
 /// Number of triangles that a task handles.
 const TASK: u32 = 256;
 
-/// Makes the records of all triangles for `light`.
+/// Makes the records and bounds of all triangles for `light`, none of which lies within a face: what it hides has a penumbra.
 pub(super) fn record(
     scene: &Scene,
     light: LightConstants,
     runner: &mut Runner<'_>,
-) -> Result<Records<WideTriangle>, Stopped> {
+) -> Result<(Records<WideTriangle>, Columns<TriangleBounds>), Stopped> {
     let count = scene.triangle_count;
     let records = Records::overwritten(runner.arena, u64::from(count.next_multiple_of(CHILDREN)));
-    let kernel = WideTriangles { scene: *scene, light, records };
+    let bounds = Columns::overwritten(runner.arena, count);
+    let kernel = WideTriangles { scene: *scene, light, records, bounds };
     // SAFETY: each task writes the records of its own triangles.
     runner.run(&unsafe { Step::independent("triangle records", count.div_ceil(TASK), kernel) })?;
-    Ok(records)
+    Ok((records, bounds))
 }
 
 /// Makes the records of triangles.
@@ -38,18 +39,20 @@ struct WideTriangles {
     scene: Scene,
     light: LightConstants,
     records: Records<WideTriangle>,
+    bounds: Columns<TriangleBounds>,
 }
 
 impl Kernel for WideTriangles {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
-        let WideTriangles { scene, light, records } = self;
+        let WideTriangles { scene, light, records, bounds } = self;
         let (mut i, end) = task_range(v, task, TASK, scene.triangle_count);
         let lane = v.viota();
         let words = v.vset_i32(words::<WideTriangle>() as i32);
         let (zero, one) = (v.vset_f32(0.0), v.vset_f32(1.0));
         let sign_bit = v.vset_i32(i32::MIN);
-        let shift = v.vset_i32(FACES_SHIFT);
+        let counted_or_cut = v.vset_i32(FRONT | BACK | CUTS);
+        let none = v.vset_i32(0);
         while v.branch(Compare::Less, i, end) {
             let live = lanes_below(v, i, end);
             let numbers =
@@ -90,7 +93,10 @@ impl Kernel for WideTriangles {
             }
             let nearest = nearest(v, corners, outward, distance, negative, [zero, one]);
             let faces = faces_of_penumbras(v, light, corners);
-            let flags = int!(v, flags | (faces << shift));
+            let hides = int!(v, flags & counted_or_cut);
+            let hides = v.vicmp_neq(hides, none);
+            let faces = v.vblend_i32(hides, faces, none);
+            v.vstore_i32(live, bounds.column(field!(TriangleBounds.faces)), i, faces);
             let flags = v.vor_or(flags, negative, flags, sign_bit);
 
             let base = v.vsplat(i);

@@ -27,12 +27,10 @@ use crate::expression::{each, int, scalar};
 use crate::field;
 use crate::irregular::grid::{Grid, Sample};
 use crate::irregular::primitives::{BACK, EdgeRecord, FRONT, Kind, Primitives};
-use crate::irregular::raster::CellRecord;
 use crate::irregular::receivers::Receiver;
-use crate::irregular::run::{Runs, Samples, Shade, Split, Walk};
+use crate::irregular::run::{Entry, Runs, Samples, Shade, Split, Walk};
 use crate::light::{Horizon, View};
 use crate::plane::side;
-use crate::record::Record;
 use crate::samples::LightSamples;
 use crate::segment::{Vec2, cross, dot};
 
@@ -202,14 +200,8 @@ impl Shade for Bits {
     }
 
     #[inline(always)]
-    fn add<V: Vpu>(
-        &self,
-        v: &mut V,
-        samples: &Samples<V>,
-        state: &mut Covered<V>,
-        entry: Record<V, CellRecord>,
-    ) {
-        let number = entry.scalar(v, field!(CellRecord.primitive));
+    fn add<V: Vpu>(&self, v: &mut V, samples: &Samples<V>, state: &mut Covered<V>, entry: Entry<V>) {
+        let number = entry.number(v);
         let edge = self.own.primitives.edges.record(v, number);
         let (live, [a, b]) = on_disc(v, &state.view, samples.live, edge);
         // Does the edge come to the disc at all: nearer than a radius, and not past the chord of its line?

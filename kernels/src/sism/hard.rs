@@ -20,9 +20,8 @@ use crate::expression::int;
 use crate::field;
 use crate::irregular::grid::{Grid, Sample};
 use crate::irregular::primitives::{BACK, FRONT, Primitives, TriangleRecord};
-use crate::irregular::raster::CellRecord;
 use crate::irregular::receivers::Receiver;
-use crate::irregular::run::{Samples, Shade, Walk};
+use crate::irregular::run::{Entry, Samples, Shade, Walk};
 use crate::plane::{Vec3, dot_of};
 use crate::record::{Record, Records};
 
@@ -75,15 +74,9 @@ impl Shade for Hard {
     }
 
     #[inline(always)]
-    fn add<V: Vpu>(
-        &self,
-        v: &mut V,
-        samples: &Samples<V>,
-        state: &mut Layers<V>,
-        entry: Record<V, CellRecord>,
-    ) {
-        let number = entry.scalar(v, field!(CellRecord.primitive));
-        let in_every_lane = entry.int(v, field!(CellRecord.primitive));
+    fn add<V: Vpu>(&self, v: &mut V, samples: &Samples<V>, state: &mut Layers<V>, entry: Entry<V>) {
+        let number = entry.number(v);
+        let in_every_lane = entry.in_every_lane(v);
         let triangle = self.triangles.record(v, number);
         let (live, points) = (samples.live, samples.position);
         state.layers = count_layers(v, live, points, state.own, in_every_lane, triangle, state.layers);

@@ -4,7 +4,7 @@
 //! irregular: silhouette   records of triangles, weights and records of edges
 //! irregular: grid         receivers into the cells of up to six faces, in cell order
 //! irregular: bin          triangles and edges to bins
-//! irregular: raster, run  … to (cell, primitive) records, and samples to runs of equal work
+//! irregular: raster, run  … to records of the blocks and their cells, and samples to runs of equal work
 //! hard                    layers between each sample and the light
 //! cut                     what triangles hide that the light is cut by: in few scenes there are any
 //! bits                    samples of the light that are covered, or in its place, where parts are summed:
@@ -343,10 +343,10 @@ impl Overlap {
     /// Sizes of the runs: about 32 K uops each, with more for each test where samples are compared.
     fn run_sizes(self) -> RunSizes {
         RunSizes(match self {
-            Overlap::Sum => [10, 8],
-            Overlap::Product | Overlap::Max => [10, 7],
-            Overlap::Bits64 => [10, 6],
-            Overlap::Bits256 => [10, 4],
+            Overlap::Sum => [12, 9],
+            Overlap::Product | Overlap::Max => [12, 8],
+            Overlap::Bits64 => [12, 7],
+            Overlap::Bits256 => [12, 5],
         })
     }
 }
@@ -441,7 +441,11 @@ fn run_light(
     let bins = Bins::build(&primitives, &grid, runner)?;
 
     runner.phase(&RASTER);
-    let raster = Raster::build(&primitives, &grid, &bins, runner)?;
+    let raster = Raster::build(&grid, &bins, runner)?;
+    if objects.is_some() {
+        objects::sort(&primitives, &grid, &raster, runner)?;
+    }
+    raster.find_cells(&primitives, &grid, runner)?;
     let runs = Runs::build(&grid, &raster, overlap.run_sizes(), runner)?;
 
     runner.phase(&HARD);
@@ -456,10 +460,7 @@ fn run_light(
         match overlap.groups() {
             None => {
                 hidden = cut.map(|cut| cut.parts(light, &grid, runner)).transpose()?;
-                let objects = match overlap.rule() {
-                    Some(rule) => Some(Objects::sort(rule, &primitives, &grid, &raster, hidden, runner)?),
-                    None => None,
-                };
+                let objects = overlap.rule().map(|rule| Objects::new(rule, &primitives, &grid, hidden));
                 soft::sum(walk, &primitives, How { printed, angle, kept }, objects, sums, runner)?;
             }
             Some(groups) => {

@@ -5,12 +5,12 @@
 //! the others leave as of the whole, or nothing but what the largest hides [algorithms, 2.9]. An object is what hangs together over
 //! edges.
 //!
-//! The records of each cell are sorted by object first. Then `soft` has 16 receivers at a time go past the triangles and the edges
-//! of the cell side by side, object by object. The layers that `hard` has counted, those of all objects together, are not read here.
+//! The records of each block are sorted by object before their cells are found. Then `soft` has 16 receivers at a time go past the triangles
+//! and the edges of the cell side by side, object by object. The layers that `hard` has counted, those of all objects together, are not read here.
 
 #![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
 
-use lrbsim_isa::{Addr, Compare, Kernel, Runner, Step, Stopped, Vpu};
+use lrbsim_isa::{Compare, Kernel, Runner, Step, Stopped, Vpu};
 use lrbsim_workloads::reference::ObjectRule;
 
 use super::compose::{rule_of_two, visible};
@@ -24,13 +24,12 @@ use crate::expression::{each, scalar};
 use crate::field;
 use crate::irregular::grid::{Grid, Sample};
 use crate::irregular::primitives::{EdgeRecord, Kind, Primitives, TriangleRecord};
-use crate::irregular::raster::{CellRecord, Raster};
+use crate::irregular::raster::{BlockRecord, Raster};
 use crate::irregular::receivers::Receiver;
-use crate::irregular::run::Samples;
-use crate::record::words;
+use crate::irregular::run::{Entry, Samples};
 
-/// Lists of a task of the step that sorts.
-const LISTS: u32 = 16;
+/// Blocks of a task of the step that sorts.
+const BLOCKS: u32 = 4;
 
 /// How the soft kernel tells objects apart.
 #[derive(Clone, Copy)]
@@ -38,32 +37,31 @@ pub struct Objects {
     rule: ObjectRule,
     own: Own,
     grid: Grid,
-    raster: Raster,
-    /// First triangle records of the cells.
-    triangle_starts: Addr,
     /// What triangles hide that the light is cut by.
     cut: Option<Hidden>,
 }
 
+/// Sorts the records of the blocks by object, before their cells are found.
+pub fn sort(
+    primitives: &Primitives,
+    grid: &Grid,
+    raster: &Raster,
+    runner: &mut Runner<'_>,
+) -> Result<(), Stopped> {
+    let blocks = grid.faces.block_count();
+    for kind in Kind::ALL {
+        let first_list = Raster::first_list(kind, grid);
+        let sort = Sort { kind, first_list, raster: *raster, primitives: *primitives, blocks };
+        // SAFETY: each task moves records within its own lists.
+        runner.run(&unsafe { Step::independent("records by object", blocks.div_ceil(BLOCKS), sort) })?;
+    }
+    Ok(())
+}
+
 impl Objects {
-    /// Sorts the records of the cells by object. `cut` is what triangles hide that the light is cut by.
-    pub fn sort(
-        rule: ObjectRule,
-        primitives: &Primitives,
-        grid: &Grid,
-        raster: &Raster,
-        cut: Option<Hidden>,
-        runner: &mut Runner<'_>,
-    ) -> Result<Objects, Stopped> {
-        let cells = grid.faces.cell_count();
-        let starts = |kind: Kind| raster.lists.starts.plus_words(u64::from(kind.first_list(cells)));
-        for kind in Kind::ALL {
-            let sort = Sort { kind, starts: starts(kind), raster: *raster, primitives: *primitives, cells };
-            // SAFETY: each task moves records within its own lists.
-            runner.run(&unsafe { Step::independent("records by object", cells.div_ceil(LISTS), sort) })?;
-        }
-        let (own, grid, raster) = (Own { primitives: *primitives }, *grid, *raster);
-        Ok(Objects { rule, own, grid, raster, triangle_starts: starts(Kind::Triangles), cut })
+    /// Objects told apart by this rule. `cut` is what triangles hide that the light is cut by.
+    pub fn new(rule: ObjectRule, primitives: &Primitives, grid: &Grid, cut: Option<Hidden>) -> Objects {
+        Objects { rule, own: Own { primitives: *primitives }, grid: *grid, cut }
     }
 
     /// What 16 samples see of the light before the first object.
@@ -84,27 +82,18 @@ impl Objects {
         Left { own, horizon, object: v.s_imm(-1), layers: [none; 2], visible }
     }
 
-    /// The triangle records of the cell of `samples`, in words.
+    /// Number of the object of the primitive of a record.
     #[inline(always)]
-    pub fn triangles<V: Vpu>(&self, v: &mut V, samples: &Samples<V>) -> [V::S32; 2] {
-        let cell = samples.cell;
-        let first = v.s_load(self.triangle_starts, cell);
-        let end = v.s_load(self.triangle_starts.plus_words(1), cell);
-        [scalar!(v, first + first), scalar!(v, end + end)]
+    pub fn of<V: Vpu>(&self, v: &mut V, kind: Kind, entry: &Entry<V>) -> V::S32 {
+        let number = entry.number(v);
+        object_of(v, &self.own.primitives, kind, number)
     }
 
-    /// Number of the object of the primitive of the record at word `at`.
+    /// Counts the layers that a triangle makes.
     #[inline(always)]
-    pub fn of<V: Vpu>(&self, v: &mut V, kind: Kind, at: V::S32) -> V::S32 {
-        object_of(v, &self.own.primitives, &self.raster, kind, at)
-    }
-
-    /// Counts the layers that a triangle makes, that of the record at word `at`.
-    #[inline(always)]
-    pub fn count<V: Vpu>(&self, v: &mut V, samples: &Samples<V>, at: V::S32, left: &mut Left<V>) {
-        let entry = self.raster.records.at(at);
-        let number = entry.scalar(v, field!(CellRecord.primitive));
-        let in_every_lane = entry.int(v, field!(CellRecord.primitive));
+    pub fn count<V: Vpu>(&self, v: &mut V, samples: &Samples<V>, entry: &Entry<V>, left: &mut Left<V>) {
+        let number = entry.number(v);
+        let in_every_lane = entry.in_every_lane(v);
         let triangle = self.own.primitives.triangles.record(v, number);
         let (live, points) = (samples.live, samples.position);
         left.layers = count_layers(v, live, points, left.own, in_every_lane, triangle, left.layers);
@@ -195,50 +184,52 @@ struct OwnPart<V: Vpu> {
     parts: [V::I32; 2],
 }
 
-/// Number of the object of the primitive of the record at word `at`.
+/// Number of the object of primitive `number`.
 #[inline(always)]
-fn object_of<V: Vpu>(v: &mut V, primitives: &Primitives, raster: &Raster, kind: Kind, at: V::S32) -> V::S32 {
-    let number = v.s_load(raster.records.field(field!(CellRecord.primitive)), at);
-    let log2 = words::<TriangleRecord>().trailing_zeros() as i32;
-    let record = scalar!(v, number << { log2 });
+fn object_of<V: Vpu>(v: &mut V, primitives: &Primitives, kind: Kind, number: V::S32) -> V::S32 {
     match kind {
         Kind::Triangles => {
-            let flags = v.s_load(primitives.triangles.field(field!(TriangleRecord.flags[1])), record);
+            let triangle = primitives.triangles.record(v, number);
+            let flags = triangle.scalar(v, field!(TriangleRecord.flags[1]));
             scalar!(v, flags & { i32::MAX })
         }
-        Kind::Edges => v.s_load(primitives.edges.field(field!(EdgeRecord.object)), record),
+        Kind::Edges => {
+            let edge = primitives.edges.record(v, number);
+            edge.scalar(v, field!(EdgeRecord.object))
+        }
     }
 }
 
-/// Sorts the records of each cell by object: those that are in order, as most are, are only looked at.
+/// Sorts the records of each block by object: those that are in order, as most are, are only looked at.
 struct Sort {
     kind: Kind,
-    /// First records of the cells.
-    starts: Addr,
+    /// The list of block 0.
+    first_list: u32,
     raster: Raster,
     primitives: Primitives,
-    cells: u32,
+    blocks: u32,
 }
 
 impl Kernel for Sort {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
-        let (mut cell, last) = task_range(v, task, LISTS, self.cells);
-        while v.branch(Compare::Less, cell, last) {
-            let first = v.s_load(self.starts, cell);
-            let end = v.s_load(self.starts.plus_words(1), cell);
+        let (mut block, last) = task_range(v, task, BLOCKS, self.blocks);
+        let first_list = v.s_imm(self.first_list as i32);
+        while v.branch(Compare::Less, block, last) {
+            let list = scalar!(v, first_list + block);
+            let [first, end] = self.raster.range(v, list);
             self.list(v, first, end);
-            cell = scalar!(v, cell + 1);
+            block = scalar!(v, block + 1);
         }
     }
 }
 
 impl Sort {
-    /// The object of record `number`.
+    /// The object of record `at`.
     #[inline(always)]
-    fn object<V: Vpu>(&self, v: &mut V, number: V::S32) -> V::S32 {
-        let at = scalar!(v, number + number);
-        object_of(v, &self.primitives, &self.raster, self.kind, at)
+    fn object<V: Vpu>(&self, v: &mut V, at: V::S32) -> V::S32 {
+        let number = self.raster.primitive(v, at);
+        object_of(v, &self.primitives, self.kind, number)
     }
 
     /// Sorts records `first..end`: by insertion, at distances that halve [shell59, hibbard63].
@@ -265,34 +256,26 @@ impl Sort {
         while v.branch(Compare::Less, gap, count) {
             gap = scalar!(v, (gap + gap) + 1);
         }
-        let records = self.raster.records;
-        let fields = [records.field(field!(CellRecord.primitive)), records.field(field!(CellRecord.start))];
+        let numbers = self.raster.records.column(field!(BlockRecord.primitive));
         while v.branch(Compare::Less, one, gap) {
             gap = scalar!(v, gap >> 1);
             let mut i = scalar!(v, first + gap);
             while v.branch(Compare::Less, i, end) {
-                let object = self.object(v, i);
-                let from = scalar!(v, i + i);
-                let moved = each!(k in [0, 1] => v.s_load(fields[k], from));
+                let moved = v.s_load(numbers, i);
+                let object = object_of(v, &self.primitives, self.kind, moved);
                 let mut to = i;
                 let least = scalar!(v, first + gap);
                 while v.branch(Compare::LessEqual, least, to) {
                     let other = scalar!(v, to - gap);
-                    let object_there = self.object(v, other);
+                    let there = v.s_load(numbers, other);
+                    let object_there = object_of(v, &self.primitives, self.kind, there);
                     if v.branch(Compare::LessEqual, object_there, object) {
                         break;
                     }
-                    let (there, here) = (scalar!(v, other + other), scalar!(v, to + to));
-                    for field in fields {
-                        let word = v.s_load(field, there);
-                        v.s_store(field, here, word);
-                    }
+                    v.s_store(numbers, to, there);
                     to = other;
                 }
-                let here = scalar!(v, to + to);
-                for (field, word) in fields.into_iter().zip(moved) {
-                    v.s_store(field, here, word);
-                }
+                v.s_store(numbers, to, moved);
                 i = scalar!(v, i + 1);
             }
         }
