@@ -6,6 +6,7 @@ use common::{On, Random, Run, add_triangle, input, power_of_ten, random_scene, s
 use lrbsim_isa::HostSimd;
 use lrbsim_kernels::field;
 use lrbsim_kernels::irregular::faces::FaceParameters;
+use lrbsim_kernels::irregular::primitives::{TriangleBounds, WITHIN};
 use lrbsim_kernels::record::Field;
 use lrbsim_kernels::sism::Overlap;
 use lrbsim_workloads::glam::DVec3;
@@ -150,7 +151,27 @@ fn many_small_triangles_over_a_fine_grid_are_the_same() {
     }
 }
 
-/// Triangles that are next to nothing, along their sides or as seen from the light, and receivers about where their corners point.
+/// A triangle that is next to nothing, along its sides or as seen from the light, and receivers about where its corners point.
+fn needle(random: &mut Random, receiver_count: usize) -> ([DVec3; 3], Vec<(DVec3, u32)>) {
+    let first = random.vector().normalize() * random.within(0.5, 2.0);
+    // Along the line of sight as often as not, or nearly so.
+    let across = random.vector() * power_of_ten(random.within(-4.0, 0.0));
+    let along = if random.within(0.0, 1.0) < 0.5 { first + across } else { random.vector() };
+    let length = power_of_ten(random.within(-3.0, 0.0));
+    let second = first + along.normalize() * length;
+    let width = length * power_of_ten(random.within(-6.0, -0.5));
+    let third = first.lerp(second, random.within(-0.2, 1.2)) + random.vector() * width;
+    let corners = [first, second, third];
+    let receivers = (0..receiver_count).map(|_| {
+        let start = random.within(0.0, 3.0) as usize;
+        let [corner, other] = [start, start + 1 + random.within(0.0, 2.0) as usize].map(|k| corners[k % 3]);
+        let past = (corner - other) * power_of_ten(random.within(-7.0, -1.0));
+        let aside = random.vector() * (width * power_of_ten(random.within(-6.0, 0.0)));
+        ((corner + past + aside) * random.within(1.0, 3.0), u32::MAX)
+    });
+    (corners, receivers.collect())
+}
+
 #[test]
 fn needles_are_the_same_past_their_points() {
     for seed in 600..640 {
@@ -158,22 +179,9 @@ fn needles_are_the_same_past_their_points() {
         let mut mesh = Mesh::default();
         let mut receivers = Vec::new();
         for _ in 0..60 {
-            let first = random.vector().normalize() * random.within(0.5, 2.0);
-            // Along the line of sight as often as not, or nearly so.
-            let across = random.vector() * power_of_ten(random.within(-4.0, 0.0));
-            let along = if random.within(0.0, 1.0) < 0.5 { first + across } else { random.vector() };
-            let length = power_of_ten(random.within(-3.0, 0.0));
-            let second = first + along.normalize() * length;
-            let width = length * power_of_ten(random.within(-6.0, -0.5));
-            let third = first.lerp(second, random.within(-0.2, 1.2)) + random.vector() * width;
-            let corners = [first, second, third];
+            let (corners, past) = needle(&mut random, 24);
             add_triangle(&mut mesh, corners);
-            for _ in 0..24 {
-                let [corner, other] = [0, 1].map(|k| corners[(random.within(0.0, 3.0) as usize + k) % 3]);
-                let past = (corner - other) * power_of_ten(random.within(-6.0, 0.0));
-                let aside = random.vector() * (width * random.within(0.0, 1.0));
-                receivers.push(((corner + past + aside) * random.within(0.9, 3.0), u32::MAX));
-            }
+            receivers.extend(past);
         }
         for radius in [0.0, 0.05] {
             agree(
@@ -182,6 +190,52 @@ fn needles_are_the_same_past_their_points() {
             );
         }
     }
+}
+
+#[test]
+fn what_a_triangle_shadows_lies_within_its_bounds() {
+    let mut random = Random(11);
+    let mut shadowed = 0;
+    for number in 0..1500 {
+        let (corners, receivers) = needle(&mut random, 256);
+        let mut mesh = Mesh::default();
+        add_triangle(&mut mesh, corners);
+        let input = input(mesh, sphere(0.0), &receivers);
+        let mut run = Run::with(&input, Overlap::Sum, On::Host(HostSimd::detect(), 1));
+        let bounds = run.arrays.primitives.bounds;
+        let faces = run.arena.read_u32(bounds.host(0, field!(TriangleBounds.faces))) as i32;
+        if faces < WITHIN {
+            continue;
+        }
+        let face = (faces & (WITHIN - 1)).trailing_zeros() as usize;
+        let sign = if face.is_multiple_of(2) { 1.0 } else { -1.0 };
+        let read = |field: Field<TriangleBounds, f32>| f64::from(run.arena.read_f32(bounds.host(0, field)));
+        let (low, high) = (
+            [0, 1].map(|k| read(field!(TriangleBounds.low[k]))),
+            [0, 1].map(|k| read(field!(TriangleBounds.high[k]))),
+        );
+        let start = read(field!(TriangleBounds.start));
+        for (pixel, sums) in run.brute_force(On::Host(HostSimd::detect(), 1)) {
+            if sums[0] == 0 && sums[1] == 0 {
+                continue;
+            }
+            shadowed += 1;
+            let at = input.receiver_pixel.iter().position(|of| *of == pixel).expect("a receiver has this pixel");
+            let p = input.receivers[at].map(f64::from);
+            let depth = p[face / 2] * sign;
+            assert!(depth >= start, "triangle {number}: depth {depth} is before {start}");
+            for k in 0..2 {
+                let x = p[(face / 2 + 1 + k) % 3] / depth;
+                assert!(
+                    low[k] <= x && x <= high[k],
+                    "triangle {number}: {x} is not in {}..{}",
+                    low[k],
+                    high[k]
+                );
+            }
+        }
+    }
+    assert!(shadowed > 5000, "no more than {shadowed} receivers are shadowed");
 }
 
 #[test]
