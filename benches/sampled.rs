@@ -2,7 +2,7 @@
 //! over scenes, machines and seeds.
 //!
 //! ```text
-//! cargo bench --bench sampled             # 100 cases: small pictures, machines of few cores; a word is part of the scene's name
+//! cargo bench --bench sampled             # 120 cases: small pictures, machines of 4 to 24 cores; a word is part of the scene's name
 //! cargo bench --bench sampled -- whole    # three scenes of the paper as they are, one seed each: minutes
 //! ```
 
@@ -14,8 +14,9 @@ use lrbsim_reports::run::RunReport;
 type Error = Box<dyn std::error::Error>;
 
 /// Scenes and the sizes of their pictures: so many tasks that most are left out.
-const SCENES: [(&str, u32, u32); 5] = [
+const SCENES: [(&str, u32, u32); 6] = [
     ("saloon-small", 320, 240),
+    ("cornell", 320, 240),
     ("table", 320, 240),
     ("palm", 320, 320),
     ("street", 200, 150),
@@ -23,10 +24,10 @@ const SCENES: [(&str, u32, u32); 5] = [
 ];
 
 /// What of the machine is another.
-const MACHINES: [&[&str]; 4] =
-    [&["cores=4"], &["cores=8"], &["cores=8", "memory.bandwidth_gb_per_s=8"], &["cores=12"]];
+const MACHINES: [&[&str]; 5] =
+    [&["cores=4"], &["cores=8"], &["cores=8", "memory.bandwidth_gb_per_s=8"], &["cores=12"], &["cores=24"]];
 
-const SEEDS: u32 = 5;
+const SEEDS: u32 = 4;
 
 /// A phase counts from this share of the time on.
 const SHARE: f64 = 0.1;

@@ -220,7 +220,8 @@ fn what_a_triangle_shadows_lies_within_its_bounds() {
                 continue;
             }
             shadowed += 1;
-            let at = input.receiver_pixel.iter().position(|of| *of == pixel).expect("a receiver has this pixel");
+            let at =
+                input.receiver_pixel.iter().position(|of| *of == pixel).expect("a receiver has this pixel");
             let p = input.receivers[at].map(f64::from);
             let depth = p[face / 2] * sign;
             assert!(depth >= start, "triangle {number}: depth {depth} is before {start}");

@@ -14,7 +14,7 @@ use crate::columns::{Columns, lanes_below, task_range};
 use crate::expression::{each, int, scalar};
 use crate::field;
 use crate::plane::{Vec3, cross, dot, edge_normal, plane_slack, sub};
-use crate::record::{Records, words};
+use crate::record::{Gathered, Records, Source, words};
 use crate::scene::{ObjectNumbers, Scene, Triangle};
 
 /// Number of triangles that a task handles.
@@ -38,6 +38,11 @@ pub fn record(
     let kernel = TriangleRecords { scene: *scene, radius, objects, records, bounds };
     // SAFETY: each task writes the records of its own triangles.
     runner.run(&unsafe { Step::independent("triangle records", count.div_ceil(TASK), kernel) })?;
+    if let Some(bounds) = bounds {
+        let kernel = Within { scene: *scene, records, bounds };
+        // SAFETY: each task writes the bounds of its own triangles.
+        runner.run(&unsafe { Step::independent("triangle bounds", count.div_ceil(TASK), kernel) })?;
+    }
     Ok(records)
 }
 
@@ -60,8 +65,7 @@ impl Kernel for TriangleRecords {
         let (mut i, end) = task_range(v, task, TASK, scene.triangle_count);
         let lane = v.viota();
         let words = v.vset_i32(words::<TriangleRecord>() as i32);
-        let constants = Constants::new(v);
-        let zero = constants.zero;
+        let zero = v.vset_f32(0.0);
         let none = v.vset_i32(0);
         let sign_bit = v.vset_i32(i32::MIN);
         while v.branch(Compare::Less, i, end) {
@@ -83,13 +87,6 @@ impl Kernel for TriangleRecords {
             let distance = v.vabs(det);
             let slack = plane_slack(v, [a, b, c], normal);
             let plane = v.vadd(distance, slack);
-            let within = match *bounds {
-                None => None,
-                Some(bounds) => {
-                    let within = Within { bounds, live, i };
-                    Some(within.find(v, &constants, [a, b, c], (outward, plane)))
-                }
-            };
 
             // Layers by the facing; none for a triangle that is edge-on to the light.
             let layers = layers(v, counted, away, toward);
@@ -122,11 +119,9 @@ impl Kernel for TriangleRecords {
                 let flag = if edge == 0 { layers } else { v.vset_i32(0) };
                 flags[edge] = v.vor_or(flag, right, flag, sign_bit);
             }
-            if let (Some(bounds), Some((within, own))) = (*bounds, within) {
+            if let Some(bounds) = bounds {
                 // Faces that it can shadow, so that binning skips the others.
                 let faces = faces_of_triangles(v, inward);
-                let flag = v.vset_i32(WITHIN);
-                let faces = v.vor_or(faces, within, own, flag);
                 let hides = v.vset_i32(FRONT | BACK);
                 let hides = v.vand(layers, hides);
                 let hides = v.vicmp_neq(hides, none);
@@ -150,30 +145,45 @@ impl Kernel for TriangleRecords {
     }
 }
 
-/// Where the bounds of 16 triangles go.
-struct Within<V: Vpu> {
+/// Finds the triangles that lie within a face, and their bounds there. A step of its own: both it and that of the records fill the
+/// registers.
+///
+/// Receivers are shadowed by what lies between three planes, as they are rounded. Each is off its edge by a part of how long the
+/// edge is beside its image, and what lies between two of them reaches past their corner the farther, the sharper that is.
+/// Both together are what bounds are wider by: of the longest edge, as long as it is on the image, over the area of the image.
+struct Within {
+    scene: Scene,
+    records: Records<TriangleRecord>,
     bounds: Columns<TriangleBounds>,
-    live: V::Mask,
-    /// Number of the first triangle.
-    i: V::S32,
 }
 
-impl<V: Vpu> Within<V> {
-    /// Leaves the bounds of the triangles that lie within a face; the lanes of these, and a bit for the face. The normals of the triangles
-    /// point away from the light, where a triangle's points have the product `plane` with it, or less.
-    ///
-    /// Receivers are shadowed by what lies between three planes, as they are rounded. Each is off its edge by a part of how long the
-    /// edge is beside its image, and what lies between two of them reaches past their corner the farther, the sharper that is.
-    /// Both together are what bounds are wider by: of the longest edge, as long as it is on the image, over the area of the image.
+impl Kernel for Within {
     #[inline(always)]
-    fn find(
-        &self,
-        v: &mut V,
-        constants: &Constants<V>,
-        corners: [Vec3<V>; 3],
-        (normal, plane): (Vec3<V>, V::F32),
-    ) -> (V::Mask, V::I32) {
-        let Within { bounds, live, i } = *self;
+    fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
+        let (mut i, end) = task_range(v, task, TASK, self.scene.triangle_count);
+        while v.branch(Compare::Less, i, end) {
+            self.find(v, i, end);
+            i = scalar!(v, i + 16);
+        }
+    }
+}
+
+impl Within {
+    /// Leaves the bounds of triangles `i..i + 16` below `end`.
+    #[inline(always)]
+    fn find<V: Vpu>(&self, v: &mut V, i: V::S32, end: V::S32) {
+        let Within { scene, records, bounds } = self;
+        let constants = &Constants::new(v);
+        let live = lanes_below(v, i, end);
+        let none = v.vset_i32(0);
+        let faces = v.vload_i32_or(none, live, bounds.column(field!(TriangleBounds.faces)), i);
+        let hides = v.vicmp_neq(faces, none);
+        if !v.branch_any(hides) {
+            return;
+        }
+        let numbers =
+            each!(k in [0, 1, 2] => v.vload_i32(scene.triangles.column(field!(Triangle.corners[k])), i));
+        let corners = each!(k in [0, 1, 2] => scene.positions(v, live, numbers[k]));
         let (zero, one) = (constants.zero, constants.one);
         let face = OwnFaces::of(v, constants, corners[0]);
         let seen = each!(k in [0, 1, 2] => face.turn(v, constants, corners[k]));
@@ -252,6 +262,12 @@ impl<V: Vpu> Within<V> {
             let extent = v.vadd(extent, slack);
             (v.vmul(sum, half), v.vmul(extent, half))
         });
+        let base = v.vsplat(i);
+        let lane = v.viota();
+        let number = int!(v, base + lane);
+        let record = Gathered::new(v, *records, live, number);
+        let normal = record.vec3(v, field!(TriangleRecord.normal));
+        let plane = record.float(v, field!(TriangleRecord.plane));
         let normal = face.turn(v, constants, normal);
         let slope = greatest_form(v, normal, [of_x.0, of_y.0], [of_x.1, of_y.1]);
         let start = plane_start(v, plane, slope);
@@ -262,7 +278,11 @@ impl<V: Vpu> Within<V> {
         let least = v.vset_f32(1.0 / FAR);
         let start = v.vmax(start, least);
         v.vstore_f32(live, bounds.column(field!(TriangleBounds.start)), i, start);
-        (within, v.vsll(constants.whole[1], face.number))
+        let own = v.vsll(constants.whole[1], face.number);
+        let flag = v.vset_i32(WITHIN);
+        let within = v.kand(within, hides);
+        let faces = v.vor_or(faces, within, own, flag);
+        v.vstore_i32(live, bounds.column(field!(TriangleBounds.faces)), i, faces);
     }
 }
 
