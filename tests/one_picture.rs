@@ -117,7 +117,7 @@ fn every_fidelity_runs_the_same_instructions() {
     };
     let windowed = counts(Fidelity::Windowed);
     assert_eq!(windowed, counts(Fidelity::Cycle));
-    // Untimed runs need no registers: they have no spills, and of a part of the tasks these are extrapolated.
+    // Untimed runs need no registers: they have no spills, and of a part of the tasks these are extrapolated, of few by no more than a half.
     let in_part = |fidelity: &Fidelity| matches!(fidelity, Fidelity::Sampled(_) | Fidelity::Roofline);
     let levels = Fidelity::ALL.into_iter().filter(|level| in_part(level) || !level.is_timed());
     for level in levels {
@@ -126,7 +126,7 @@ fn every_fidelity_runs_the_same_instructions() {
             let all = [timed, &found].map(|(id, tasks, instructions, _)| (id, tasks, apart(instructions)));
             assert_eq!(all[0], all[1], "{level}");
             let spills = [timed, &found].map(|(_, _, instructions, _)| instructions.spill as f64);
-            let is_close = (spills[0] - spills[1]).abs() <= 0.2 * spills[0];
+            let is_close = (spills[0] - spills[1]).abs() <= 0.5 * spills[0];
             assert!(is_close || !in_part(&level), "{level}: {spills:?}");
         }
     }
