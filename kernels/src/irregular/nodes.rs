@@ -166,8 +166,9 @@ impl Kernel for Cells {
                 v.vadd(corner, in_block[axis])
             });
             let first_cell = scalar!(v, block << 4);
-            store_nodes(v, all, *cells, first_cell, center, place.cell, inside.depth);
-            store_circles(v, all, *cells, first_cell, inside.low, inside.high);
+            let to = Stored { live: all, nodes: *cells, at: first_cell };
+            to.rectangles(v, center, place.cell, inside.depth);
+            to.circles(v, inside.low, inside.high);
             block = scalar!(v, block + 1);
         }
     }
@@ -298,8 +299,7 @@ impl Kernel for Bins {
             let in_bin = v.vmul(place.child[axis], place.block[axis]);
             v.vadd(place.low[axis], in_bin)
         });
-        store_nodes(v, all, nodes.blocks, first_block, center, place.block, depth);
-        store_rectangle_circles(v, all, nodes.blocks, first_block, center, place.block);
+        Stored { live: all, nodes: nodes.blocks, at: first_block }.all(v, center, place.block, depth);
 
         // The bin itself.
         let bit = v.s_imm(1);
@@ -310,95 +310,84 @@ impl Kernel for Bins {
         let size = [v.vmul(place.block[0], four), v.vmul(place.block[1], four)];
         let x = v.vmadd(size[0], half, place.low[0]);
         let y = v.vmadd(size[1], half, place.low[1]);
-        store_nodes(v, first, nodes.bins, bin, [x, y], size, deepest);
-        store_rectangle_circles(v, first, nodes.bins, bin, [x, y], size);
+        Stored { live: first, nodes: nodes.bins, at: bin }.all(v, [x, y], size, deepest);
     }
 }
 
-/// Stores circles about up to 16 rectangles, by their middles and whole width and height.
-#[inline(always)]
-fn store_rectangle_circles<V: Vpu>(
-    v: &mut V,
+/// Where up to 16 nodes are stored: side by side from node `at` on, those of the lanes `live`.
+struct Stored<V: Vpu> {
     live: V::Mask,
     nodes: Columns<Node>,
     at: V::S32,
-    center: [V::F32; 2],
-    size: [V::F32; 2],
-) {
-    let half = v.vset_f32(0.5);
-    let half = [v.vmul(size[0], half), v.vmul(size[1], half)];
-    let low = [v.vsub(center[0], half[0]), v.vsub(center[1], half[1])];
-    let high = [v.vadd(center[0], half[0]), v.vadd(center[1], half[1])];
-    store_circles(v, live, nodes, at, low, high);
 }
 
-/// Stores circles about up to 16 rectangles, by their corners.
-#[inline(always)]
-fn store_circles<V: Vpu>(
-    v: &mut V,
-    live: V::Mask,
-    nodes: Columns<Node>,
-    at: V::S32,
-    low: [V::F32; 2],
-    high: [V::F32; 2],
-) {
-    let half = v.vset_f32(0.5);
-    // Wider by a rounding or two, as rectangles are.
-    let wider = v.vset_f32(0.500_01);
-    let mut radius2 = v.vset_f32(0.0);
-    for axis in 0..2 {
-        let sum = v.vadd(low[axis], high[axis]);
-        let middle = v.vmul(sum, half);
-        v.vstore_f32(live, nodes.column(field!(Node.middle[axis])), at, middle);
-        let size = v.vsub(high[axis], low[axis]);
-        let size = v.vmul(size, wider);
-        radius2 = v.vmadd(size, size, radius2);
+impl<V: Vpu> Stored<V> {
+    /// Stores the nodes of rectangles with circles about them; `size` is the whole width and height.
+    #[inline(always)]
+    fn all(&self, v: &mut V, center: [V::F32; 2], size: [V::F32; 2], depth: V::F32) {
+        self.rectangles(v, center, size, depth);
+        let half = v.vset_f32(0.5);
+        let half = [v.vmul(size[0], half), v.vmul(size[1], half)];
+        let low = [v.vsub(center[0], half[0]), v.vsub(center[1], half[1])];
+        let high = [v.vadd(center[0], half[0]), v.vadd(center[1], half[1])];
+        self.circles(v, low, high);
     }
-    // Two roundings of places: what is asked for lies as far off as they are rounded, and so does what is stored.
-    let slack = v.vset_f32(2.0 * IMAGE_SLACK);
-    let radius = math::sqrt(v, radius2);
-    let radius = v.vadd(radius, slack);
-    v.vstore_f32(live, nodes.column(field!(Node.radius)), at, radius);
-}
 
-/// Stores up to 16 rectangles with what a [`Node`] has but for its circle; `size` is the whole width and height.
-#[inline(always)]
-fn store_nodes<V: Vpu>(
-    v: &mut V,
-    live: V::Mask,
-    nodes: Columns<Node>,
-    at: V::S32,
-    center: [V::F32; 2],
-    size: [V::F32; 2],
-    depth: V::F32,
-) {
-    let one = v.vset_f32(1.0);
-    // Wider by a rounding or two, so that what was put inside by its key is inside.
-    let half = v.vset_f32(0.500_01);
-    let half_x = v.vmul(size[0], half);
-    let half_y = v.vmul(size[1], half);
-    let corner_x = v.vabs(center[0]);
-    let corner_x = v.vadd(corner_x, half_x);
-    let corner_y = v.vabs(center[1]);
-    let corner_y = v.vadd(corner_y, half_y);
-    let reach2 = v.vmadd(corner_x, corner_x, one);
-    let reach2 = v.vmadd(corner_y, corner_y, reach2);
-    let reach = math::sqrt(v, reach2);
-    let zero = v.vset_f32(0.0);
-    let far = v.vset_f32(FAR);
-    let minus_far = v.vset_f32(-FAR);
-    let some = v.vcmp_gt(depth, zero);
-    let per_depth = v.vrcp(depth);
-    let per_depth = v.vblend_f32(some, per_depth, far);
-    let reach = v.vblend_f32(some, reach, minus_far);
-    let mut store = |field, value| v.vstore_f32(live, nodes.column(field), at, value);
-    store(field!(Node.center[0]), center[0]);
-    store(field!(Node.center[1]), center[1]);
-    store(field!(Node.half[0]), half_x);
-    store(field!(Node.half[1]), half_y);
-    store(field!(Node.depth), depth);
-    store(field!(Node.per_depth), per_depth);
-    store(field!(Node.reach), reach);
+    /// Stores circles about rectangles, by the corners of these.
+    #[inline(always)]
+    fn circles(&self, v: &mut V, low: [V::F32; 2], high: [V::F32; 2]) {
+        let Stored { live, nodes, at } = *self;
+        let half = v.vset_f32(0.5);
+        // Wider by a rounding or two, as rectangles are.
+        let wider = v.vset_f32(0.500_01);
+        let mut radius2 = v.vset_f32(0.0);
+        for axis in 0..2 {
+            let sum = v.vadd(low[axis], high[axis]);
+            let middle = v.vmul(sum, half);
+            v.vstore_f32(live, nodes.column(field!(Node.middle[axis])), at, middle);
+            let size = v.vsub(high[axis], low[axis]);
+            let size = v.vmul(size, wider);
+            radius2 = v.vmadd(size, size, radius2);
+        }
+        // Two roundings of places: what is asked for lies as far off as they are rounded, and so does what is stored.
+        let slack = v.vset_f32(2.0 * IMAGE_SLACK);
+        let radius = math::sqrt(v, radius2);
+        let radius = v.vadd(radius, slack);
+        v.vstore_f32(live, nodes.column(field!(Node.radius)), at, radius);
+    }
+
+    /// Stores rectangles with what a [`Node`] has but for its circle; `size` is the whole width and height.
+    #[inline(always)]
+    fn rectangles(&self, v: &mut V, center: [V::F32; 2], size: [V::F32; 2], depth: V::F32) {
+        let Stored { live, nodes, at } = *self;
+        let one = v.vset_f32(1.0);
+        // Wider by a rounding or two, so that what was put inside by its key is inside.
+        let half = v.vset_f32(0.500_01);
+        let half_x = v.vmul(size[0], half);
+        let half_y = v.vmul(size[1], half);
+        let corner_x = v.vabs(center[0]);
+        let corner_x = v.vadd(corner_x, half_x);
+        let corner_y = v.vabs(center[1]);
+        let corner_y = v.vadd(corner_y, half_y);
+        let reach2 = v.vmadd(corner_x, corner_x, one);
+        let reach2 = v.vmadd(corner_y, corner_y, reach2);
+        let reach = math::sqrt(v, reach2);
+        let zero = v.vset_f32(0.0);
+        let far = v.vset_f32(FAR);
+        let minus_far = v.vset_f32(-FAR);
+        let some = v.vcmp_gt(depth, zero);
+        let per_depth = v.vrcp(depth);
+        let per_depth = v.vblend_f32(some, per_depth, far);
+        let reach = v.vblend_f32(some, reach, minus_far);
+        let mut store = |field, value| v.vstore_f32(live, nodes.column(field), at, value);
+        store(field!(Node.center[0]), center[0]);
+        store(field!(Node.center[1]), center[1]);
+        store(field!(Node.half[0]), half_x);
+        store(field!(Node.half[1]), half_y);
+        store(field!(Node.depth), depth);
+        store(field!(Node.per_depth), per_depth);
+        store(field!(Node.reach), reach);
+    }
 }
 
 /// Finds rectangles and depths of the groups, from the bins.
@@ -432,8 +421,7 @@ impl Kernel for Groups {
         });
         let bit = v.s_imm(1);
         let first = v.kmov_from_scalar(bit);
-        let size = [size_x, size_y];
-        store_nodes(v, first, self.nodes.groups, group, [x, y], size, deepest);
-        store_rectangle_circles(v, first, self.nodes.groups, group, [x, y], size);
+        let to = Stored { live: first, nodes: self.nodes.groups, at: group };
+        to.all(v, [x, y], [size_x, size_y], deepest);
     }
 }

@@ -37,8 +37,8 @@ pub const CUTS: i32 = 8;
 
 /// What binning reads of a triangle, before it asks for any record: where about the light the triangle can hide something.
 ///
-/// Of a triangle that is [`WITHIN`] a face, its image there: no receiver that it shadows lies outside of the rectangle `low..high`
-/// or is less deep than `start`, be it by rounding. Of others nobody writes the image.
+/// A triangle that is [`WITHIN`] a face has its image there too: no receiver that it shadows lies outside of the rectangle `low..high`
+/// or is less deep than `start`, be it by rounding. Nobody writes the image of another.
 #[repr(C)]
 pub struct TriangleBounds {
     /// A bit for each face on which it can hide something from receivers, by number of the face: none if it hides nothing. With one of

@@ -289,7 +289,7 @@ impl<S: Shade> See for S {
 
 /// A record that has been found.
 pub struct Entry<V: Vpu> {
-    records: Columns<BlockRecord>,
+    raster: Raster,
     at: V::S32,
 }
 
@@ -297,13 +297,13 @@ impl<V: Vpu> Entry<V> {
     /// Number of its primitive.
     #[inline(always)]
     pub fn number(&self, v: &mut V) -> V::S32 {
-        v.s_load(self.records.column(field!(BlockRecord.primitive)), self.at)
+        self.raster.primitive(v, self.at)
     }
 
     /// Number of its primitive, in every lane.
     #[inline(always)]
     pub fn in_every_lane(&self, v: &mut V) -> V::I32 {
-        v.vbroadcast_i32(self.records.column(field!(BlockRecord.primitive)), self.at)
+        v.vbroadcast_i32(self.raster.records.column(field!(BlockRecord.primitive)), self.at)
     }
 }
 
@@ -331,7 +331,7 @@ impl<V: Vpu> Found<V> {
                 let lane = take_lane(v, &mut self.bits);
                 let next = self.next;
                 let at = scalar!(v, (next - 16) + lane);
-                return Some(Entry { records, at });
+                return Some(Entry { raster: walk.raster, at });
             }
             let at = self.next;
             if !v.branch(Compare::Less, at, self.end) {

@@ -228,9 +228,9 @@ impl<V: Vpu> Copy for SideBySide<V> {}
 pub struct OneNode<V: Vpu> {
     /// All nodes of its level.
     pub nodes: Columns<Node>,
-    /// Number of a node.
+    /// Number of the node that it is found from.
     pub at: V::S32,
-    /// How many nodes behind that it is.
+    /// How many nodes it lies behind node `at`: a constant, which costs no uop.
     pub behind: u32,
 }
 
@@ -561,9 +561,9 @@ pub struct Edge<V: Vpu> {
 
 /// How the distance of a place from an edge is measured on the image plane.
 enum Measure<V: Vpu> {
-    /// As a distance; with one over the square of the edge's length.
+    /// The measure is the distance; what stands here is one over the square of the edge's length.
     Distance(V::F32),
-    /// As the size of the product v' x p', see [`Edge`].
+    /// The measure is the size of the product v' x p', see [`Edge`].
     Product {
         /// Square of the edge's length.
         length2: V::F32,
