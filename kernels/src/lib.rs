@@ -24,6 +24,7 @@ mod expression;
 pub mod record;
 pub mod columns;
 pub mod plane;
+pub mod face;
 pub mod light;
 pub mod segment;
 pub mod rectangle;

@@ -105,10 +105,22 @@ impl Lists {
     /// are any to add.
     #[inline(always)]
     pub fn publish_counts<V: Vpu>(&self, v: &mut V, at: V::S32, list: V::S32, counts: V::I32) {
-        let none = v.vset_i32(0);
+        let (none, lane) = (v.vset_i32(0), v.viota());
+        self.publish_with(v, [at, list], counts, none, lane);
+    }
+
+    /// As [`Lists::publish_counts`], with `none`, 0 in every lane, and `lane`, their numbers, which are the caller's.
+    #[inline(always)]
+    fn publish_with<V: Vpu>(
+        &self,
+        v: &mut V,
+        [at, list]: [V::S32; 2],
+        counts: V::I32,
+        none: V::I32,
+        lane: V::I32,
+    ) {
         let some = v.vicmp_neq(counts, none);
         if v.branch_any(some) {
-            let lane = v.viota();
             let first = v.vsplat(list);
             let lists = int!(v, first + lane);
             let before = v.vatomic_add_or(none, some, self.starts, lists, counts);
@@ -119,12 +131,13 @@ impl Lists {
     /// Adds the table that begins at `at` to the lengths of the lists from `list` on, and keeps in it how long they were.
     #[inline(always)]
     pub fn publish<V: Vpu>(&self, v: &mut V, at: V::S32, list: V::S32) {
+        let (none, lane) = (v.vset_i32(0), v.viota());
         let end = scalar!(v, at + { self.words as i32 });
         let mut at = at;
         let mut list = list;
         while v.branch(Compare::Less, at, end) {
             let counts = self.of_task(v, at);
-            self.publish_counts(v, at, list, counts);
+            self.publish_with(v, [at, list], counts, none, lane);
             at = scalar!(v, at + 16);
             list = scalar!(v, list + 16);
         }

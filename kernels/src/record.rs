@@ -167,13 +167,6 @@ impl<V: Vpu, R> Record<V, R> {
         each!(axis in [0, 1, 2] => self.float(v, field.at(axis)))
     }
 
-    /// Component `number` of a field that has three, in every lane. One scalar addition, one broadcast load.
-    #[inline(always)]
-    pub fn component(self, v: &mut V, field: Field<R, [f32; 3]>, number: V::S32) -> V::F32 {
-        let index = v.s_add(self.index, number);
-        v.vbroadcast_f32(self.records.field(field.at(0)), index)
-    }
-
     /// A field of the record that is an integer, as a scalar. One scalar load.
     #[inline(always)]
     pub fn scalar(self, v: &mut V, field: Field<R, i32>) -> V::S32 {
@@ -188,6 +181,9 @@ pub trait Source<V: Vpu, R>: Copy {
 
     /// A field that is an integer.
     fn int(self, v: &mut V, field: Field<R, i32>) -> V::I32;
+
+    /// A source whose fields are what lies so many words behind those of this one.
+    fn behind(self, v: &mut V, words: V::S32) -> Self;
 
     /// A field that has three components.
     #[inline(always)]
@@ -205,6 +201,11 @@ impl<V: Vpu, R> Source<V, R> for Record<V, R> {
     #[inline(always)]
     fn int(self, v: &mut V, field: Field<R, i32>) -> V::I32 {
         Record::int(self, v, field)
+    }
+
+    #[inline(always)]
+    fn behind(self, v: &mut V, words: V::S32) -> Self {
+        Record { index: v.s_add(self.index, words), ..self }
     }
 }
 
@@ -238,6 +239,12 @@ impl<V: Vpu, R> Source<V, R> for Gathered<V, R> {
     #[inline(always)]
     fn int(self, v: &mut V, field: Field<R, i32>) -> V::I32 {
         v.vgather_i32_or(self.none, self.live, self.records.field(field), self.at)
+    }
+
+    #[inline(always)]
+    fn behind(self, v: &mut V, words: V::S32) -> Self {
+        let words = v.vsplat(words);
+        Gathered { at: v.viadd(self.at, words), ..self }
     }
 }
 

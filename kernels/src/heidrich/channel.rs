@@ -7,13 +7,13 @@ use lrbsim_isa::{Addr, Compare, Kernel, Runner, Step, Stopped, Vpu, math};
 use super::warp::{self, SkinRecord};
 use crate::columns::{higher, lanes_below, lower, take_lane};
 use crate::expression::{each, int, scalar};
+use crate::face::{FaceFrame, InFrame};
 use crate::field;
 use crate::map::DepthMap;
-use crate::map::draw::Axes;
 use crate::map::layout::MapFace;
 use crate::map::tiles::{Tile, Tiles};
 use crate::plane::dot;
-use crate::record::{Record, Records, words};
+use crate::record::{Gathered, Record, Records, Source};
 
 /// What the channel has where no skin lies over the texel: more than all of the light.
 pub const NO_SKIN: f32 = 2.0;
@@ -90,31 +90,26 @@ pub struct SkinOnFace<V: Vpu> {
     pub lit: [V::F32; 3],
 }
 
-/// Weights of the corners of a skin on the face with these axes: of x, of y, and a constant.
+/// Weights of the corners of a skin in the frame of a face: of x, of y, and a constant.
 #[inline(always)]
-fn weights<V: Vpu>(v: &mut V, skin: Record<V, SkinRecord>, axes: &Axes<V>) -> [[V::F32; 3]; 3] {
-    each!(k in [0, 1, 2] => {
-        let normal = field!(SkinRecord.normals[k]);
-        let [x, y, depth] = each!(axis in [0, 1, 2] => skin.component(v, normal, axes.numbers[axis]));
-        [x, y, v.vmul(depth, axes.sign)]
-    })
+fn weights<V: Vpu, S: Source<V, SkinRecord>>(v: &mut V, skin: &InFrame<V, S>) -> [[V::F32; 3]; 3] {
+    each!(k in [0, 1, 2] => skin.vec3(v, field!(SkinRecord.normals[k])))
 }
 
 impl<V: Vpu> SkinOnFace<V> {
-    /// A skin on the face with these axes, on which its corners have these weights.
+    /// A skin on the face in whose frame it is, on which its corners have these weights.
     #[inline(always)]
     fn new(
         v: &mut V,
         skin: Record<V, SkinRecord>,
-        axes: &Axes<V>,
+        in_frame: &InFrame<V, Record<V, SkinRecord>>,
         weights: [[V::F32; 3]; 3],
         interpolation: Interpolation,
         near: f32,
     ) -> SkinOnFace<V> {
         let per_depth = skin.float(v, field!(SkinRecord.per_depth));
         let factors = each!(k in [0, 1, 2] => {
-            let depth = skin.component(v, field!(SkinRecord.corners[k]), axes.numbers[2]);
-            let depth = v.vmul(depth, axes.sign);
+            let depth = in_frame.depth(v, field!(SkinRecord.corners[k]));
             factor(v, interpolation, depth, near)
         });
         let lit = each!(k in [0, 1, 2] => {
@@ -180,23 +175,24 @@ impl Kernel for Draw {
             v.vstore_f32(all, *channel, word, no_skin);
             word = scalar!(v, word + 16);
         }
-        let axes = Axes::new(v, tile.face);
+        let frame = FaceFrame::new(v, tile.face);
         let [mut item, end] = tiles.items_of(v, &tile);
         while v.branch(Compare::Less, item, end) {
             let live = lanes_below(v, item, end);
             let (near, numbers) = tiles.in_rows(v, &tile, live, item, [first, last]);
-            let covers = self.covers_middles(v, near, numbers, &tile, &axes, [first, last]);
+            let covers = self.covers_middles(v, near, numbers, &tile, &frame, [first, last]);
             let mut left = v.kmov_to_scalar(covers);
             while v.branch(Compare::NotEqual, left, nothing) {
                 let lane = take_lane(v, &mut left);
                 let item = scalar!(v, item + lane);
                 let number = tiles.number(v, item);
                 let record = self.skins.record(v, number);
-                let weights = weights(v, record, &axes);
+                let in_frame = frame.see(v, record);
+                let weights = weights(v, &in_frame);
                 let [columns, [low_y, last_y]] = tiles.range(v, &tile, number);
                 let low_y = higher(v, low_y, first);
                 let last_y = lower(v, last_y, last);
-                let skin = SkinOnFace::new(v, record, &axes, weights, self.interpolation, self.near);
+                let skin = SkinOnFace::new(v, record, &in_frame, weights, self.interpolation, self.near);
                 self.skin(v, &tile, [columns, [low_y, last_y]], &skin);
             }
             item = scalar!(v, item + 16);
@@ -215,22 +211,14 @@ impl Draw {
         live: V::Mask,
         numbers: V::I32,
         tile: &Tile<V>,
-        axes: &Axes<V>,
+        frame: &FaceFrame<V>,
         [first, last]: [V::S32; 2],
     ) -> V::Mask {
         let layout = &self.map.layout;
         let zero = v.vset_f32(0.0);
-        let record_words = v.vset_i32(words::<SkinRecord>() as i32);
-        let at = int!(v, numbers * record_words);
-        let at = each!(axis in [0, 1, 2] => {
-            let axis = v.vsplat(axes.numbers[axis]);
-            int!(v, at + axis)
-        });
-        let weights = each!(k in [0, 1, 2] => {
-            let base = self.skins.field(field!(SkinRecord.normals[k][0]));
-            let [x, y, depth] = each!(axis in [0, 1, 2] => v.vgather_f32_or(zero, live, base, at[axis]));
-            [x, y, v.vmul(depth, axes.sign)]
-        });
+        let skins = Gathered::new(v, self.skins, live, numbers);
+        let in_frame = frame.see(v, skins);
+        let weights = weights(v, &in_frame);
         // Along a row the weight of a corner is 0 or more up to a place, or from a place on.
         let begins = each!(k in [0, 1, 2] => v.vcmp_gt(weights[k][0], zero));
         let ends = each!(k in [0, 1, 2] => v.vcmp_lt(weights[k][0], zero));

@@ -7,8 +7,9 @@ use lrbsim_isa::{Compare, Kernel, Runner, Step, Stopped, Vpu};
 use super::skins::{LIT, Skins};
 use crate::columns::{lanes_below, task_range};
 use crate::expression::{each, int, scalar};
+use crate::face::turned;
 use crate::field;
-use crate::irregular::{FACES, FAR};
+use crate::irregular::FAR;
 use crate::map::cover::on_face;
 use crate::map::layout::{Layout, MapFace, MapSlot};
 use crate::map::tiles::{Boxes, middle};
@@ -79,18 +80,13 @@ impl Kernel for Warp {
             let mut slot = v.s_imm(0);
             while v.branch(Compare::Less, slot, slots) {
                 let face = v.s_load(layout.slots.column(field!(MapSlot.face)), slot);
-                // The code of each face knows its axes.
-                for number in 0..FACES {
-                    let this = v.s_imm(number as i32);
-                    if v.branch(Compare::Equal, face, this) {
-                        let reach = on_face(v, self.near, number, corners);
-                        let weights = each!(k in [0, 1, 2] => on_face_of(v, number, normals[k]));
-                        let covers = self.reaches_square(v, face, seen, weights);
-                        let (covers, ranges) = Boxes::ranges(v, layout, face, covers, reach);
-                        let covers = self.covers_middles(v, face, covers, ranges, weights);
-                        boxes.put(v, slot, i, covers, ranges);
-                    }
-                }
+                let corners = turned(v, face, corners);
+                let reach = on_face(v, self.near, corners);
+                let weights = turned(v, face, normals);
+                let covers = self.reaches_square(v, face, seen, weights);
+                let (covers, ranges) = Boxes::ranges(v, layout, face, covers, reach);
+                let covers = self.covers_middles(v, face, covers, ranges, weights);
+                boxes.put(v, slot, i, covers, ranges);
                 slot = scalar!(v, slot + 1);
             }
             i = scalar!(v, i + 16);
@@ -241,14 +237,6 @@ impl Warp {
             v.vscatter_f32(live, self.records.field(field!(SkinRecord.lit[k])), at, lit[k]);
         }
     }
-}
-
-/// The weight of a corner on the image plane of a face, `of x`, `of y`, and a constant, by the normal that a direction is multiplied with.
-#[inline(always)]
-fn on_face_of<V: Vpu>(v: &mut V, face: u32, normal: Vec3<V>) -> [V::F32; 3] {
-    let axis = face as usize / 2;
-    let sign = v.vset_f32(if face.is_multiple_of(2) { 1.0 } else { -1.0 });
-    [normal[(axis + 1) % 3], normal[(axis + 2) % 3], v.vmul(normal[axis], sign)]
 }
 
 /// The weight of a corner at places of this x, to which that of their y is still to be added. All who ask get the same bits.

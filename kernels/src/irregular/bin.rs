@@ -11,21 +11,21 @@
 
 use lrbsim_isa::{Addr, Compare, Kernel, Runner, Step, Stopped, Vpu};
 
-use super::FACES;
 use super::faces::FaceParameters;
 use super::grid::Grid;
 use super::nodes::Node;
 use super::primitives::{EdgeRecord, Kind, Layer, Primitives, TriangleBounds, WITHIN};
-use super::touch::{Edge, FaceFrame, SideBySide, Touch};
+use super::touch::{Edge, SideBySide, Touch};
 use crate::clear;
 use crate::columns::{Columns, lanes_below, take_lane, task_range};
 use crate::expression::{each, int, scalar};
+use crate::face::{FACES, FaceFrame};
 use crate::field;
 use crate::lists::Lists;
 use crate::record::Record;
 
-/// Number of triangles or edges that a task handles.
-const TASK: u32 = 64;
+/// Number of primitives that a task handles, by [`Kind`]: an edge descends to more bins than most triangles lie in.
+const TASK: [u32; 2] = [64, 16];
 
 /// A primitive in the list of a bin.
 #[repr(C)]
@@ -70,7 +70,7 @@ impl Bins {
 
 /// Tasks of the triangles and of the edges. A point light has no silhouettes.
 fn task_counts<T>(primitives: &Primitives<T>) -> [u32; 2] {
-    [primitives.triangle_count.div_ceil(TASK), primitives.edge_count.div_ceil(TASK)]
+    [primitives.triangle_count.div_ceil(TASK[0]), primitives.edge_count.div_ceil(TASK[1])]
 }
 
 /// Words in which a task turns two vectors into scalars, lane by lane.
@@ -100,23 +100,24 @@ impl<T: Layer> Kernel for Bin<T> {
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
         let primitives = &self.primitives;
         let seen = self.grid.faces.seen(v);
-        let triangle_tasks = v.s_imm(task_counts(primitives)[Kind::Triangles as usize] as i32);
+        // Edges first: what takes long is best begun early.
+        let edge_tasks = v.s_imm(task_counts(primitives)[Kind::Edges as usize] as i32);
         let table = self.lists.table(v, task);
         let scratch = scalar!(v, task * { SCRATCH as i32 });
         let own = Own { table, scratch };
         if self.items.is_none() {
             self.lists.clear_table(v, table);
         }
-        let kind = if v.branch(Compare::Less, task, triangle_tasks) {
-            let (mut i, end) = task_range(v, task, TASK, primitives.triangle_count);
+        let kind = if v.branch(Compare::LessEqual, edge_tasks, task) {
+            let task = scalar!(v, task - edge_tasks);
+            let (mut i, end) = task_range(v, task, TASK[0], primitives.triangle_count);
             while v.branch(Compare::Less, i, end) {
                 self.triangles(v, seen, &own, i, end);
                 i = scalar!(v, i + 16);
             }
             Kind::Triangles
         } else {
-            let task = scalar!(v, task - triangle_tasks);
-            let (mut i, end) = task_range(v, task, TASK, primitives.edge_count);
+            let (mut i, end) = task_range(v, task, TASK[1], primitives.edge_count);
             while v.branch(Compare::Less, i, end) {
                 let edge = primitives.edges.record(v, i);
                 let faces = edge.scalar(v, field!(EdgeRecord.faces));
@@ -156,8 +157,6 @@ impl<T> Bin<T> {
     }
 
     /// Descends the hierarchy of each of `faces` with one primitive, and counts or writes it where it comes down.
-    ///
-    /// The code of each face knows its axes and nothing else of it.
     #[inline(always)]
     fn descend<V: Vpu, P: Touch<V>>(
         &self,
@@ -170,12 +169,11 @@ impl<T> Bin<T> {
     ) {
         let nodes = &self.grid.nodes;
         let none = v.s_imm(0);
-        for face in 0..FACES {
-            let here = scalar!(v, faces & { 1 << face });
-            if v.branch(Compare::Equal, here, none) {
-                continue;
-            }
-            let primitive = P::set_up(v, &self.grid.faces, FaceFrame::new(face), record);
+        let mut faces = faces;
+        while v.branch(Compare::NotEqual, faces, none) {
+            let face = take_lane(v, &mut faces);
+            let frame = FaceFrame::new(v, face);
+            let primitive = P::set_up(v, &self.grid.faces, &frame, record);
             let [mut group, end] = self.grid.faces.groups(v, face);
             while v.branch(Compare::Less, group, end) {
                 let own = lanes_below(v, group, end);

@@ -9,11 +9,12 @@
 
 use lrbsim_isa::{Compare, Kernel, Runner, Step, Stopped, Vpu, math};
 
-use super::faces::{Constants, load_positions, project};
+use super::FAR;
+use super::faces::load_positions;
 use super::receivers::Receivers;
-use super::{FACES, FAR};
 use crate::columns::{lanes_below, task_range};
 use crate::expression::scalar;
+use crate::face::{Constants, FACES, project};
 use crate::field;
 use crate::record::{Records, words};
 

@@ -10,9 +10,10 @@ use lrbsim_isa::{Kernel, Runner, Step, Stopped, Vpu, math};
 use super::bounds::FaceBounds;
 use super::primitives::{Form, LightConstants, POSITION_SLACK};
 use super::receivers::{Receiver, Receivers};
-use super::{BIN_CELLS, CHILDREN, FACES, SLICES};
+use super::{BIN_CELLS, CHILDREN, SLICES};
 use crate::columns::{Columns, store_first};
 use crate::expression::{each, int, scalar};
+use crate::face::{Constants, FACES, project};
 use crate::field;
 use crate::plane::Vec3;
 use crate::record::{Field, Records, words};
@@ -121,8 +122,7 @@ impl Faces {
 
     /// The first group of the bins of face `face`, and one past the last.
     #[inline(always)]
-    pub(super) fn groups<V: Vpu>(&self, v: &mut V, face: u32) -> [V::S32; 2] {
-        let face = v.s_imm(face as i32);
+    pub(super) fn groups<V: Vpu>(&self, v: &mut V, face: V::S32) -> [V::S32; 2] {
         each!(end in [0, 1] => v.s_load(self.parameters.column(field!(FaceParameters.groups[end])), face))
     }
 }
@@ -325,25 +325,6 @@ impl Kernel for BinPlaces {
     }
 }
 
-/// Constants that the kernels of the grid keep in registers.
-pub(crate) struct Constants<V: Vpu> {
-    pub(crate) zero: V::F32,
-    pub(crate) one: V::F32,
-    /// 0 to 5: the faces, and small numbers.
-    pub(crate) whole: [V::I32; FACES as usize],
-}
-
-impl<V: Vpu> Constants<V> {
-    #[inline(always)]
-    pub(crate) fn new(v: &mut V) -> Constants<V> {
-        Constants {
-            zero: v.vset_f32(0.0),
-            one: v.vset_f32(1.0),
-            whole: each!(i in [0, 1, 2, 3, 4, 5] => v.vset_i32(i)),
-        }
-    }
-}
-
 /// Positions of the 16 receivers from `i` on, from their viewpoint; asks for those of the next vector.
 #[inline(always)]
 pub(crate) fn load_positions<V: Vpu>(
@@ -359,60 +340,6 @@ pub(crate) fn load_positions<V: Vpu>(
         v.vload_f32_or(constants.one, live, column, i)
     });
     receivers.viewpoint.see(v, live, point)
-}
-
-/// The face of each of 16 points.
-pub(crate) struct OwnFaces<V: Vpu> {
-    /// Number of the face: twice the axis that it lies along, plus one for the negative half.
-    pub(crate) number: V::I32,
-    /// The faces of these lie along y, along z unless they lie along that, and in the negative half.
-    along_y: V::Mask,
-    along_z: V::Mask,
-    negative: V::Mask,
-}
-
-impl<V: Vpu> OwnFaces<V> {
-    /// The faces of points, by their largest component, the first of equal ones.
-    #[inline(always)]
-    pub(crate) fn of(v: &mut V, constants: &Constants<V>, p: Vec3<V>) -> OwnFaces<V> {
-        let size = [v.vabs(p[0]), v.vabs(p[1]), v.vabs(p[2])];
-        // Largest component: y beats x, z beats both, only if strictly larger.
-        let along_y = v.vcmp_gt(size[1], size[0]);
-        let larger = v.vmax(size[0], size[1]);
-        let along_z = v.vcmp_gt(size[2], larger);
-        let along = v.vblend_f32(along_y, p[1], p[0]);
-        let along = v.vblend_f32(along_z, p[2], along);
-        let whole = &constants.whole;
-        let number = v.vblend_i32(along_y, whole[2], whole[0]);
-        let number = v.vblend_i32(along_z, whole[4], number);
-        let negative = v.vcmp_lt(along, constants.zero);
-        let number = v.viadd_or(number, negative, number, whole[1]);
-        OwnFaces { number, along_y, along_z, negative }
-    }
-
-    /// A vector in the frame of each face: the components across it in cyclic order, and that along it, the depth.
-    #[inline(always)]
-    pub(crate) fn turn(&self, v: &mut V, constants: &Constants<V>, p: Vec3<V>) -> Vec3<V> {
-        let along = v.vblend_f32(self.along_y, p[1], p[0]);
-        let along = v.vblend_f32(self.along_z, p[2], along);
-        let x = v.vblend_f32(self.along_y, p[2], p[1]);
-        let x = v.vblend_f32(self.along_z, p[0], x);
-        let y = v.vblend_f32(self.along_y, p[0], p[2]);
-        let y = v.vblend_f32(self.along_z, p[1], y);
-        [x, y, v.vsub_or(along, self.negative, constants.zero, along)]
-    }
-}
-
-/// Face of each point, and its image there: x, y, depth.
-#[inline(always)]
-pub(crate) fn project<V: Vpu>(
-    v: &mut V,
-    constants: &Constants<V>,
-    p: Vec3<V>,
-) -> (V::I32, V::F32, V::F32, V::F32) {
-    let face = OwnFaces::of(v, constants, p);
-    let [x, y, depth] = face.turn(v, constants, p);
-    (face.number, math::div(v, x, depth), math::div(v, y, depth), depth)
 }
 
 impl Faces {

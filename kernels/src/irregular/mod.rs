@@ -37,8 +37,5 @@ pub const BIN_CELLS: u32 = CHILDREN * CHILDREN;
 /// Depth slices of a cell.
 pub const SLICES: u32 = 4;
 
-/// Faces around the light: +x, -x, +y, -y, +z, -z.
-pub const FACES: u32 = 6;
-
 /// More than any coordinate, and farther than any receiver.
 pub(crate) const FAR: f32 = 1e30;

@@ -3,9 +3,9 @@
 use lrbsim_isa::Vpu;
 use lrbsim_workloads::{LightShape, ShadowInput};
 
-use super::FACES;
 use super::touch::{self, Touch};
 use crate::columns::Columns;
+use crate::face::FACES;
 use crate::record::Records;
 
 /// Rounding of positions about a receiver, relative to the largest coordinate of receivers, with a factor of eight to spare.

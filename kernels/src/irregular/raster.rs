@@ -18,11 +18,12 @@ use super::faces::BinPlace;
 use super::grid::Grid;
 use super::nodes::Node;
 use super::primitives::{Kind, Layer, Primitives, TriangleBounds, WITHIN};
-use super::touch::{Edge, FaceFrame, NodeSource, OneNode, Touch};
-use super::{CHILDREN, FACES, FAR};
+use super::touch::{Edge, NodeSource, OneNode, Touch};
+use super::{CHILDREN, FAR};
 use crate::clear;
 use crate::columns::{Columns, lanes_below, lower, task_range};
 use crate::expression::{each, int, scalar};
+use crate::face::FaceFrame;
 use crate::field;
 use crate::lists::Lists;
 use crate::record::{Field, Gathered, Records, words};
@@ -33,8 +34,8 @@ const PIECE_LOG2: i32 = 6;
 /// Lists of a task of the piece steps.
 const LISTS: u32 = 16;
 
-/// Blocks of a task of `cells`.
-const BLOCKS: u32 = 4;
+/// Parts of a list: part i has groups i, i + `PARTS` and so on.
+const PARTS: u32 = 2;
 
 /// Cells in a line of a block.
 const LINE: u32 = 4;
@@ -108,30 +109,26 @@ impl Raster {
         runner: &mut Runner<'_>,
     ) -> Result<(), Stopped> {
         let cells = Cells { raster: *self, primitives: *primitives, grid: *grid };
-        let tasks = grid.faces.block_count().div_ceil(BLOCKS) * Kind::ALL.len() as u32;
-        // SAFETY: each task writes the records of its own lists.
-        runner.run(&unsafe { Step::independent("record cells", tasks, cells) })
+        // SAFETY: each task writes the records of its own part of a list.
+        runner.run(&unsafe { Step::independent("record cells", PARTS * self.lists.count, cells) })
     }
 
-    /// Where the records of list `list` begin, the first of a group, and one past the last of them.
+    /// Where the records of `kind` of a block begin, the first of a group, and one past the last of them.
     ///
     /// List i of records that begin at s, were there no groups, begins with group s / 16 + i: the lists before it take no more.
     #[inline(always)]
-    pub fn range<V: Vpu>(&self, v: &mut V, list: V::S32) -> [V::S32; 2] {
+    pub fn range<V: Vpu>(&self, v: &mut V, kind: Kind, block: V::S32) -> [V::S32; 2] {
+        let first_list = v.s_imm(kind.first_list(self.block_count()) as i32);
+        let list = scalar!(v, first_list + block);
         let start = v.s_load(self.lists.starts, list);
         let end = v.s_load(self.lists.starts.plus_words(1), list);
         let first = scalar!(v, ((start >> 4) + list) << 4);
         [first, scalar!(v, first + (end - start))]
     }
 
-    /// The list of block 0 for primitives of `kind`.
-    pub fn first_list(kind: Kind, grid: &Grid) -> u32 {
-        kind.first_list(grid.faces.block_count())
-    }
-
-    /// Where the lengths of the lists of `kind` add up, by block: those of the lists before each.
-    pub(super) fn starts(&self, kind: Kind, grid: &Grid) -> Addr {
-        self.lists.starts.plus_words(u64::from(Raster::first_list(kind, grid)))
+    /// Number of blocks, each of which has a list of each kind.
+    fn block_count(&self) -> u32 {
+        self.lists.count / Kind::ALL.len() as u32
     }
 
     /// Number of the primitive of record `at`.
@@ -254,7 +251,7 @@ impl Kernel for Distribute {
     }
 }
 
-/// Finds the cells that the records of blocks touch.
+/// Finds the cells that the records of blocks touch, a task for each part of a list: few blocks of a frame have most of its records.
 struct Cells<T> {
     raster: Raster,
     primitives: Primitives<T>,
@@ -264,21 +261,13 @@ struct Cells<T> {
 impl<T: Layer> Kernel for Cells<T> {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
-        let Cells { primitives, grid, .. } = self;
-        let blocks = grid.faces.block_count();
-        let of_triangles = v.s_imm(blocks.div_ceil(BLOCKS) as i32);
-        let (kind, task) = if v.branch(Compare::Less, task, of_triangles) {
-            (Kind::Triangles, task)
+        let blocks = self.raster.block_count();
+        let of_triangles = v.s_imm((PARTS * blocks) as i32);
+        if v.branch(Compare::Less, task, of_triangles) {
+            self.part::<V, T::Touch<V>>(v, Kind::Triangles, self.primitives.triangles, task);
         } else {
-            (Kind::Edges, scalar!(v, task - of_triangles))
-        };
-        let (mut block, last) = task_range(v, task, BLOCKS, blocks);
-        while v.branch(Compare::Less, block, last) {
-            match kind {
-                Kind::Triangles => self.block::<V, T::Touch<V>>(v, kind, primitives.triangles, block),
-                Kind::Edges => self.block::<V, Edge<V>>(v, kind, primitives.edges, block),
-            }
-            block = scalar!(v, block + 1);
+            let task = scalar!(v, task - of_triangles);
+            self.part::<V, Edge<V>>(v, Kind::Edges, self.primitives.edges, task);
         }
     }
 }
@@ -298,24 +287,24 @@ impl<V: Vpu> Span<V> {
 }
 
 impl<T> Cells<T> {
-    /// Finds the cells of one block, in the code of its face.
+    /// Finds the cells of part `number` of the lists of a kind.
+    ///
+    /// Parts that follow one another, which a thread may get together, are of blocks from the four quarters of all: neighbors have lists of
+    /// like lengths.
     #[inline(always)]
-    fn block<V: Vpu, P: Touch<V>>(&self, v: &mut V, kind: Kind, records: Records<P::Record>, block: V::S32) {
-        let first_list = v.s_imm(Raster::first_list(kind, &self.grid) as i32);
-        let list = scalar!(v, first_list + block);
-        let [first, end] = self.raster.range(v, list);
-        if v.branch(Compare::Equal, first, end) {
+    fn part<V: Vpu, P: Touch<V>>(&self, v: &mut V, kind: Kind, records: Records<P::Record>, number: V::S32) {
+        let part = scalar!(v, number & 1);
+        let quarter = scalar!(v, ((number >> 1) + (part << 1)) & 3);
+        let block = scalar!(v, (quarter * { (self.raster.block_count() / 4) as i32 }) + (number >> 3));
+        let [first, end] = self.raster.range(v, kind, block);
+        let first = scalar!(v, first + (part << 4));
+        if v.branch(Compare::LessEqual, end, first) {
             return;
         }
         let bin = scalar!(v, block >> 4);
         let face = v.s_load(self.grid.faces.bin_places.column(field!(BinPlace.face)), bin);
-        for face_number in 0..FACES {
-            let number = v.s_imm(face_number as i32);
-            if v.branch(Compare::Equal, face, number) {
-                self.records::<V, P>(v, FaceFrame::new(face_number), (kind, records), block, [first, end]);
-                break;
-            }
-        }
+        let frame = FaceFrame::new(v, face);
+        self.records::<V, P>(v, &frame, (kind, records), block, [first, end]);
     }
 
     /// What the bounds of the images of 16 primitives span in each direction, wider by half a cell.
@@ -348,12 +337,12 @@ impl<T> Cells<T> {
         (across, down)
     }
 
-    /// Finds the cells of records `first..end`, 16 at a time.
+    /// Finds the cells of the records of a part, 16 at a time, from the first of a list up to its end.
     #[inline(always)]
     fn records<V: Vpu, P: Touch<V>>(
         &self,
         v: &mut V,
-        frame: FaceFrame,
+        frame: &FaceFrame<V>,
         (kind, records): (Kind, Records<P::Record>),
         block: V::S32,
         [first, end]: [V::S32; 2],
@@ -413,7 +402,7 @@ impl<T> Cells<T> {
                 let start = primitives.start(v, most);
                 v.vstore_f32(all, columns.column(field!(BlockRecord.start)), at, start);
             }
-            at = scalar!(v, at + 16);
+            at = scalar!(v, at + { (16 * PARTS) as i32 });
         }
     }
 }

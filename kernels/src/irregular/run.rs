@@ -87,8 +87,7 @@ impl Runs {
         let block_count = grid.faces.block_count();
         let splits = Columns::overwritten(runner.arena, block_count);
         let tasks = block_count.div_ceil(BLOCKS);
-        let list_starts = Kind::ALL.map(|kind| raster.starts(kind, grid));
-        let count = Count { counters, splits, grid: *grid, list_starts, sizes };
+        let count = Count { counters, splits, grid: *grid, raster: *raster, sizes };
         // SAFETY: each task writes the splits of its own blocks and adds to the totals.
         runner.run(&unsafe { Step::independent("run counts", tasks, count) })?;
 
@@ -124,15 +123,14 @@ struct Count {
     counters: Records<RunCounters>,
     splits: Columns<Split>,
     grid: Grid,
-    /// Where the lengths of the lists add up, by [`Kind`].
-    list_starts: [Addr; 2],
+    raster: Raster,
     sizes: RunSizes,
 }
 
 impl Kernel for Count {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
-        let Count { counters, splits, grid, list_starts, sizes } = self;
+        let Count { counters, splits, grid, raster, sizes } = self;
         let one = v.s_imm(1);
         let zero = v.s_imm(0);
         let (mut block, end) = task_range(v, task, BLOCKS, grid.faces.block_count());
@@ -144,9 +142,7 @@ impl Kernel for Count {
             let most = v.s_imm(COUNTED_MAX);
             let vectors = lower(v, vector_count, most);
             for kind in Kind::ALL {
-                let starts = list_starts[kind as usize];
-                let first = v.s_load(starts, block);
-                let end = v.s_load(starts.plus_words(1), block);
+                let [first, end] = raster.range(v, kind, block);
                 let records = scalar!(v, end - first);
                 let records = lower(v, records, most);
                 let tests = scalar!(v, vectors * records);
@@ -394,7 +390,7 @@ impl Walk {
         let bin = scalar!(v, first_cell >> 8);
         let face = v.s_load(grid.faces.bin_places.column(field!(BinPlace.face)), bin);
         let depths = depths_of_face(v, grid.samples, face);
-        let [record_first, record_end] = self.records(v, self.kind, block);
+        let [record_first, record_end] = raster.range(v, self.kind, block);
 
         let mut seen = zero;
         for number in 0..CHILDREN as i32 {
@@ -482,18 +478,10 @@ impl Walk {
         math::reduce_max(v, depth)
     }
 
-    /// The records of `kind` of a block, see [`Raster::range`].
-    #[inline(always)]
-    fn records<V: Vpu>(&self, v: &mut V, kind: Kind, block: V::S32) -> [V::S32; 2] {
-        let first_list = v.s_imm(Raster::first_list(kind, &self.grid) as i32);
-        let list = scalar!(v, first_list + block);
-        self.raster.range(v, list)
-    }
-
     /// The records of `kind`, another than the one that is walked, that touch the cell of `samples` and are `found` to begin no deeper.
     #[inline(always)]
     pub fn of_kind<V: Vpu>(&self, v: &mut V, kind: Kind, samples: &Samples<V>, found: &Found<V>) -> Found<V> {
-        let [next, end] = self.records(v, kind, samples.block);
+        let [next, end] = self.raster.range(v, kind, samples.block);
         let cell = scalar!(v, next + { samples.cell });
         Found { deepest: found.deepest, next, end, cell, bits: v.s_imm(0) }
     }

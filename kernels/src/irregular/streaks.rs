@@ -7,11 +7,12 @@
 
 use lrbsim_isa::{Addr, Arena, Compare, Kernel, Vpu};
 
-use super::faces::{Constants, Faces, load_positions};
+use super::faces::{Faces, load_positions};
 use super::grid::Sample;
 use super::receivers::{Receiver, Receivers};
 use crate::columns::{Columns, lanes_below, task_range};
 use crate::expression::{each, int, scalar};
+use crate::face::Constants;
 use crate::field;
 use crate::record::Field;
 

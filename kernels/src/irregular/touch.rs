@@ -7,12 +7,13 @@
 
 use lrbsim_isa::{Vpu, math};
 
+use super::FAR;
 use super::faces::Faces;
 use super::nodes::Node;
 use super::primitives::{self, CUTS, EdgeRecord, LightConstants, TriangleRecord, WideTriangle};
-use super::{FACES, FAR};
 use crate::columns::Columns;
 use crate::expression::{each, int};
+use crate::face::{FACES, FaceFrame, InFrame, flipped};
 use crate::field;
 use crate::plane;
 use crate::record::{Field, Source};
@@ -37,49 +38,6 @@ const CLIP: f32 = 0.2;
 /// are more than 78 degrees off the axis and receivers at most 55, and sin(23 degrees) = 0.39... of `|v|` is more
 /// than the radius.
 const NEAR: f32 = 0.39;
-
-/// A face's frame as constants of the code: which coordinates are its x, y and depth, and the sign of the depth.
-#[derive(Clone, Copy)]
-pub struct FaceFrame {
-    axes: [usize; 3],
-    sign: f32,
-}
-
-impl FaceFrame {
-    /// The frame of face `face`.
-    pub fn new(face: u32) -> FaceFrame {
-        let axis = face as usize / 2;
-        let sign = if face.is_multiple_of(2) { 1.0 } else { -1.0 };
-        FaceFrame { axes: [(axis + 1) % 3, (axis + 2) % 3, axis], sign }
-    }
-
-    /// A vector in this frame, lane by lane.
-    #[inline(always)]
-    pub(crate) fn turned<V: Vpu>(&self, v: &mut V, p: [V::F32; 3]) -> [V::F32; 3] {
-        let [x, y, z] = each!(i in [0, 1, 2] => p[self.axes[i]]);
-        if self.sign > 0.0 {
-            return [x, y, z];
-        }
-        let sign = v.vset_f32(self.sign);
-        [x, y, v.vmul(z, sign)]
-    }
-
-    /// A vector of a primitive in this frame.
-    #[inline(always)]
-    fn load<V: Vpu, R>(
-        &self,
-        v: &mut V,
-        record: impl Source<V, R>,
-        field: Field<R, [f32; 3]>,
-    ) -> [V::F32; 3] {
-        let [x, y, z] = each!(i in [0, 1, 2] => record.float(v, field.at(self.axes[i])));
-        if self.sign > 0.0 {
-            return [x, y, z];
-        }
-        let sign = v.vset_f32(self.sign);
-        [x, y, v.vmul(z, sign)]
-    }
-}
 
 /// A linear form on the image plane: `a x + b y + c`.
 struct Form<V: Vpu> {
@@ -114,23 +72,21 @@ impl<V: Vpu> Form<V> {
     ///
     /// A component is loaded while the one before is turned, with which it pairs.
     #[inline(always)]
-    fn inward(
+    fn inward<S: Source<V, TriangleRecord>>(
         v: &mut V,
-        frame: FaceFrame,
-        triangle: impl Source<V, TriangleRecord>,
+        triangle: S,
+        in_frame: &InFrame<V, S>,
         edge: usize,
         sign_bit: V::I32,
     ) -> Form<V> {
         let normal = field!(TriangleRecord.edge_normals[edge]);
         let flag = triangle.int(v, field!(TriangleRecord.flags[edge]));
-        let a = triangle.float(v, normal.at(frame.axes[0]));
+        let a = in_frame.across(v, normal, 0);
         let flip = v.vand(flag, sign_bit);
-        let b = triangle.float(v, normal.at(frame.axes[1]));
+        let b = in_frame.across(v, normal, 1);
         let a = flipped(v, a, flip);
-        let c = triangle.float(v, normal.at(frame.axes[2]));
+        let c = in_frame.depth(v, normal);
         let b = flipped(v, b, flip);
-        // A depth that runs the other way is turned once more.
-        let flip = if frame.sign > 0.0 { flip } else { v.vxor(flip, sign_bit) };
         let c = flipped(v, c, flip);
         Form::new(v, [a, b, c])
     }
@@ -163,14 +119,6 @@ impl<V: Vpu> Form<V> {
         let greatest = v.vmadd(sizes[1], half_y, greatest);
         (greatest, Rectangles { x, y, half: Some([half_x, half_y]) })
     }
-}
-
-/// `x` with the sign bits of `flip` turned.
-#[inline(always)]
-fn flipped<V: Vpu>(v: &mut V, x: V::F32, flip: V::I32) -> V::F32 {
-    let bits = v.bits_of(x);
-    let bits = v.vxor(bits, flip);
-    v.from_bits(bits)
 }
 
 /// The greatest value over rectangles about `middle`, with these halves of width and height, of the form that the product with `normal`
@@ -260,7 +208,7 @@ pub trait Touch<V: Vpu> {
     /// What [`Touch::start`] asks of all that was tested: the more of it there is, the less deep is the first receiver.
     type Most;
     /// The primitives of `record` in a face's frame.
-    fn set_up(v: &mut V, faces: &Faces, frame: FaceFrame, record: impl Source<V, Self::Record>) -> Self;
+    fn set_up(v: &mut V, faces: &Faces, frame: &FaceFrame<V>, record: impl Source<V, Self::Record>) -> Self;
     /// These primitives for rectangles that all have the same `half` width and height.
     fn over(self, v: &mut V, half: [V::F32; 2]) -> Self;
     /// Tests the rectangles of `nodes`, or those in the lanes `live`: what lies past the last node is no node.
@@ -295,10 +243,11 @@ impl<V: Vpu> Touch<V> for Triangle<V> {
     type Most = V::F32;
 
     #[inline(always)]
-    fn set_up(v: &mut V, _: &Faces, frame: FaceFrame, triangle: impl Source<V, TriangleRecord>) -> Self {
+    fn set_up(v: &mut V, _: &Faces, frame: &FaceFrame<V>, triangle: impl Source<V, TriangleRecord>) -> Self {
         let sign_bit = v.vset_i32(i32::MIN);
-        let edges = each!(edge in [0, 1, 2] => Form::inward(v, frame, triangle, edge, sign_bit));
-        let normal = frame.load(v, triangle, field!(TriangleRecord.normal));
+        let in_frame = frame.see(v, triangle);
+        let edges = each!(edge in [0, 1, 2] => Form::inward(v, triangle, &in_frame, edge, sign_bit));
+        let normal = in_frame.vec3(v, field!(TriangleRecord.normal));
         let plane = Form::new(v, normal);
         let distance = triangle.float(v, field!(TriangleRecord.plane));
         Triangle { edges, plane, distance }
@@ -375,9 +324,10 @@ impl<V: Vpu> Touch<V> for Wide<V> {
     type Most = [V::F32; 2];
 
     #[inline(always)]
-    fn set_up(v: &mut V, faces: &Faces, frame: FaceFrame, record: impl Source<V, WideTriangle>) -> Self {
+    fn set_up(v: &mut V, faces: &Faces, frame: &FaceFrame<V>, record: impl Source<V, WideTriangle>) -> Self {
         let (zero, one) = (v.vset_f32(0.0), v.vset_f32(1.0));
-        let corners = each!(corner in [0, 1, 2] => record.vec3(v, field!(WideTriangle.corners[corner])));
+        let in_frame = frame.see(v, record);
+        let corners = each!(corner in [0, 1, 2] => in_frame.vec3(v, field!(WideTriangle.corners[corner])));
         let sign_bit = v.vset_i32(i32::MIN);
         let flags = record.int(v, field!(WideTriangle.flags));
         let negative = v.vand(flags, sign_bit);
@@ -386,7 +336,6 @@ impl<V: Vpu> Touch<V> for Wide<V> {
             let (start, end) = (corners[edge], corners[(edge + 1) % 3]);
             let normal = plane::edge_normal(v, start, end);
             let along = plane::sub(v, end, start);
-            let normal = frame.turned(v, normal);
             let length2 = v.vmul(normal[1], normal[1]);
             let length2 = v.vmadd(normal[0], normal[0], length2);
             let cuts = v.vcmp_gt(length2, zero);
@@ -398,12 +347,12 @@ impl<V: Vpu> Touch<V> for Wide<V> {
             let slack = v.vmul(slack, rounded);
             let slack = v.vmul(slack, per_length);
             let per_length = flipped(v, per_length, negative);
+            let per_length = in_frame.mirrored(v, per_length);
             let normal = each!(axis in [0, 1, 2] => v.vmul(normal[axis], per_length));
             let form = Form::new(v, normal);
             Form { c: v.vadd(form.c, slack), ..form }
         });
-        let corners = each!(corner in [0, 1, 2] => frame.turned(v, corners[corner]));
-        let normal = frame.load(v, record, field!(WideTriangle.normal));
+        let normal = in_frame.vec3(v, field!(WideTriangle.normal));
         let plane = Form::new(v, normal);
         let distance = record.float(v, field!(WideTriangle.plane));
         let cut_bit = v.vset_i32(CUTS);
@@ -579,11 +528,12 @@ impl<V: Vpu> Touch<V> for Edge<V> {
     type Most = V::F32;
 
     #[inline(always)]
-    fn set_up(v: &mut V, faces: &Faces, frame: FaceFrame, record: impl Source<V, EdgeRecord>) -> Self {
+    fn set_up(v: &mut V, faces: &Faces, frame: &FaceFrame<V>, record: impl Source<V, EdgeRecord>) -> Self {
         let zero = v.vset_f32(0.0);
         let one = v.vset_f32(1.0);
-        let a = frame.load(v, record, field!(EdgeRecord.ends[0]));
-        let b = frame.load(v, record, field!(EdgeRecord.ends[1]));
+        let in_frame = frame.see(v, record);
+        let a = in_frame.vec3(v, field!(EdgeRecord.ends[0]));
+        let b = in_frame.vec3(v, field!(EdgeRecord.ends[1]));
         let least = record.float(v, field!(EdgeRecord.nearest));
         let radius = faces.bound_radius(v);
         let near = v.vset_f32(NEAR);

@@ -4,7 +4,6 @@
 
 use lrbsim_isa::{Compare, Kernel, Runner, Step, Stopped, Vpu};
 
-use super::faces::{Constants, OwnFaces};
 use super::primitives::{AWAY, BACK, CUTS, FRONT, TriangleBounds, TriangleRecord, WITHIN};
 use super::touch::{
     CROSS_SLACK, DOT_SLACK, IMAGE_SLACK, faces_of_triangles, greatest_form, plane_start, sum_of_sizes,
@@ -12,6 +11,7 @@ use super::touch::{
 use super::{CHILDREN, FAR};
 use crate::columns::{Columns, lanes_below, task_range};
 use crate::expression::{each, int, scalar};
+use crate::face::{Constants, OwnFaces};
 use crate::field;
 use crate::plane::{Vec3, cross, dot, edge_normal, plane_slack, sub};
 use crate::record::{Gathered, Records, Source, words};
@@ -186,7 +186,7 @@ impl Within {
         let corners = each!(k in [0, 1, 2] => scene.positions(v, live, numbers[k]));
         let (zero, one) = (constants.zero, constants.one);
         let face = OwnFaces::of(v, constants, corners[0]);
-        let seen = each!(k in [0, 1, 2] => face.turn(v, constants, corners[k]));
+        let seen = each!(k in [0, 1, 2] => face.turn(v, zero, corners[k]));
         let nearest = v.vmin(seen[0][2], seen[1][2]);
         let nearest = v.vmin(nearest, seen[2][2]);
         let within = v.vcmp_gt(nearest, zero);
@@ -268,7 +268,7 @@ impl Within {
         let record = Gathered::new(v, *records, live, number);
         let normal = record.vec3(v, field!(TriangleRecord.normal));
         let plane = record.float(v, field!(TriangleRecord.plane));
-        let normal = face.turn(v, constants, normal);
+        let normal = face.turn(v, zero, normal);
         let slope = greatest_form(v, normal, [of_x.0, of_y.0], [of_x.1, of_y.1]);
         let start = plane_start(v, plane, slope);
         let reached = v.vcmp_gt(slope, zero);

@@ -8,9 +8,10 @@ use super::layout::{Layout, MapSlot};
 use super::tiles::Boxes;
 use crate::columns::{lanes_below, task_range};
 use crate::expression::{each, int, scalar};
+use crate::face::turned;
 use crate::field;
+use crate::irregular::FAR;
 use crate::irregular::primitives::{BACK, FRONT, TriangleRecord};
-use crate::irregular::{FACES, FAR};
 use crate::plane::Vec3;
 use crate::record::{Records, words};
 use crate::scene::{Scene, Triangle};
@@ -91,14 +92,9 @@ impl Kernel for Cover {
             let mut slot = v.s_imm(0);
             while v.branch(Compare::Less, slot, slots) {
                 let face = v.s_load(layout.slots.column(field!(MapSlot.face)), slot);
-                // The code of each face knows its axes.
-                for number in 0..FACES {
-                    let this = v.s_imm(number as i32);
-                    if v.branch(Compare::Equal, face, this) {
-                        let reach = on_face(v, self.near, number, corners);
-                        boxes.store(v, layout, [slot, face], i, counted, reach);
-                    }
-                }
+                let corners = turned(v, face, corners);
+                let reach = on_face(v, self.near, corners);
+                boxes.store(v, layout, [slot, face], i, counted, reach);
                 slot = scalar!(v, slot + 1);
             }
             i = scalar!(v, i + 16);
@@ -106,15 +102,14 @@ impl Kernel for Cover {
     }
 }
 
-/// What 16 triangles reach of the image plane of a face: from where and to where along both axes.
+/// What 16 triangles reach of the image plane of a face, in whose frame their corners are: from where and to where along both axes.
 ///
 /// Nearer than `least` they are cut; where all of a triangle is, it reaches from beyond everything to nowhere.
 #[inline(always)]
-pub fn on_face<V: Vpu>(v: &mut V, least: f32, face: u32, corners: [Vec3<V>; 3]) -> [Vec2<V>; 2] {
+pub fn on_face<V: Vpu>(v: &mut V, least: f32, corners: [Vec3<V>; 3]) -> [Vec2<V>; 2] {
     let (zero, one) = (v.vset_f32(0.0), v.vset_f32(1.0));
     let near = v.vset_f32(least);
-    let axis = face as usize / 2;
-    let depths = each!(k in [0, 1, 2] => depth(v, face, corners[k]));
+    let depths = each!(k in [0, 1, 2] => corners[k][2]);
     let ahead = each!(k in [0, 1, 2] => v.vcmp_gt(depths[k], near));
     let inverse = each!(k in [0, 1, 2] => v.vrcp_or(one, ahead[k], depths[k]));
     // Where edges pass the nearest depth, as parts of them.
@@ -129,8 +124,7 @@ pub fn on_face<V: Vpu>(v: &mut V, least: f32, face: u32, corners: [Vec3<V>; 3]) 
     });
     let (far, minus_far) = (v.vset_f32(FAR), v.vset_f32(-FAR));
     let per_near = v.vset_f32(1.0 / least);
-    let [[low_x, high_x], [low_y, high_y]] = each!(plane_axis in [0, 1] => {
-        let of = (axis + 1 + plane_axis) % 3;
+    let [[low_x, high_x], [low_y, high_y]] = each!(of in [0, 1] => {
         let (mut low, mut high) = (far, minus_far);
         for k in 0..3 {
             let place = v.vmul(corners[k][of], inverse[k]);
@@ -147,15 +141,4 @@ pub fn on_face<V: Vpu>(v: &mut V, least: f32, face: u32, corners: [Vec3<V>; 3]) 
         [low, high]
     });
     [[low_x, low_y], [high_x, high_y]]
-}
-
-/// Depth of a point on a face.
-#[inline(always)]
-pub fn depth<V: Vpu>(v: &mut V, face: u32, point: Vec3<V>) -> V::F32 {
-    let along = point[face as usize / 2];
-    if face.is_multiple_of(2) {
-        return along;
-    }
-    let zero = v.vset_f32(0.0);
-    v.vsub(zero, along)
 }

@@ -9,9 +9,10 @@ use super::tiles::{Tile, Tiles};
 use crate::clear::clear_lines;
 use crate::columns::store_first;
 use crate::expression::{each, int, scalar};
+use crate::face::FaceFrame;
 use crate::field;
 use crate::irregular::primitives::TriangleRecord;
-use crate::record::{Records, words};
+use crate::record::Records;
 
 /// Which of the triangles on a texel stays.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -56,45 +57,17 @@ impl Kernel for Draw {
         let [begin, end] = tile.words;
         clear_lines(v, *texels, begin, end);
 
-        let axes = Axes::new(v, tile.face);
+        let frame = FaceFrame::new(v, tile.face);
         let mut nearest = v.vset_f32(0.0);
         let [mut item, end] = tiles.items_of(v, &tile);
         while v.branch(Compare::Less, item, end) {
             let number = tiles.number(v, item);
-            nearest = self.triangle(v, &tile, &axes, number, nearest);
+            nearest = self.triangle(v, &tile, &frame, number, nearest);
             item = scalar!(v, item + 1);
         }
         let nearest = math::reduce_max(v, nearest);
         store_first(v, self.nearest, task, nearest);
     }
-}
-
-/// The axes of a face.
-pub struct Axes<V: Vpu> {
-    /// The two of the image plane, and that of the depth.
-    pub numbers: [V::S32; 3],
-    /// Direction of the depth along its axis: 1 or -1.
-    pub sign: V::F32,
-}
-
-impl<V: Vpu> Axes<V> {
-    /// The axes of `face`.
-    #[inline(always)]
-    pub fn new(v: &mut V, face: V::S32) -> Axes<V> {
-        let depth = scalar!(v, face >> 1);
-        let x = next_axis(v, depth);
-        let y = next_axis(v, x);
-        let sign = scalar!(v, 1 - ((face & 1) << 1));
-        let sign = v.vsplat(sign);
-        Axes { numbers: [x, y, depth], sign: v.vcvt_i32_f32(sign) }
-    }
-}
-
-/// The axis after `axis`, in cyclic order.
-#[inline(always)]
-fn next_axis<V: Vpu>(v: &mut V, axis: V::S32) -> V::S32 {
-    let last = v.s_imm(2);
-    if v.branch(Compare::Equal, axis, last) { v.s_imm(0) } else { scalar!(v, axis + 1) }
 }
 
 impl Draw {
@@ -104,7 +77,7 @@ impl Draw {
         &self,
         v: &mut V,
         tile: &Tile<V>,
-        axes: &Axes<V>,
+        frame: &FaceFrame<V>,
         number: V::S32,
         mut nearest: V::F32,
     ) -> V::F32 {
@@ -113,25 +86,14 @@ impl Draw {
         let [[low_x, last_x], [low_y, last_y]] = tiles.range(v, tile, number);
 
         // Edge planes and reciprocal depth, linear on the image plane: `of x`, `of y`, and a constant.
-        let record = scalar!(v, number * { words::<TriangleRecord>() as i32 });
-        let at = each!(k in [0, 1, 2] => {
-            let axis = axes.numbers[k];
-            scalar!(v, record + axis)
-        });
-        let edges = each!(edge in [0, 1, 2] => {
-            let base = triangles.field(field!(TriangleRecord.edge_normals[edge][0]));
-            let [x, y, depth] = each!(k in [0, 1, 2] => v.vbroadcast_f32(base, at[k]));
-            [x, y, v.vmul(depth, axes.sign)]
-        });
-        let flags = each!(edge in [0, 1, 2] => {
-            v.vbroadcast_i32(triangles.field(field!(TriangleRecord.flags[edge])), record)
-        });
-        let plane = v.vbroadcast_f32(triangles.field(field!(TriangleRecord.plane)), record);
+        let record = triangles.record(v, number);
+        let in_frame = frame.see(v, record);
+        let edges = each!(edge in [0, 1, 2] => in_frame.vec3(v, field!(TriangleRecord.edge_normals[edge])));
+        let flags = each!(edge in [0, 1, 2] => record.int(v, field!(TriangleRecord.flags[edge])));
+        let plane = record.float(v, field!(TriangleRecord.plane));
         let per_plane = v.vrcp(plane);
-        let base = triangles.field(field!(TriangleRecord.normal[0]));
-        let [x, y, depth] = each!(k in [0, 1, 2] => v.vbroadcast_f32(base, at[k]));
-        let depth = v.vmul(depth, axes.sign);
-        let depths = each!(of in [x, y, depth] => v.vmul(of, per_plane));
+        let normal = in_frame.vec3(v, field!(TriangleRecord.normal));
+        let depths = each!(axis in [0, 1, 2] => v.vmul(normal[axis], per_plane));
 
         let one = v.vset_i32(1);
         let mut x = scalar!(v, (low_x >> 4) << 4);

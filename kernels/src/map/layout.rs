@@ -4,8 +4,8 @@ use lrbsim_isa::{Kernel, Runner, Step, Stopped, Vpu, math};
 
 use crate::columns::Columns;
 use crate::expression::{each, int};
+use crate::face::FACES;
 use crate::field;
-use crate::irregular::FACES;
 use crate::irregular::bounds::{self, FaceBounds};
 use crate::irregular::faces::{WIDER, extent};
 use crate::irregular::receivers::Receivers;

@@ -22,11 +22,12 @@ use lrbsim_workloads::{Light, ShadowInput};
 
 use crate::columns::{lanes_below, task_range};
 use crate::expression::{each, int, scalar};
+use crate::face::turned;
 use crate::field;
 use crate::irregular::primitives::{EdgeRecord, LightConstants, Primitives};
 use crate::irregular::receivers::{Receiver, Receivers};
-use crate::irregular::{FACES, silhouette};
-use crate::map::cover::{NEAR, depth};
+use crate::irregular::silhouette;
+use crate::map::cover::NEAR;
 use crate::map::layout::{Layout, MapFace, MapSlot};
 use crate::map::look::{Bias, whole};
 use crate::map::options::{BIAS, SIZE, bias, objection_to_other_than, size};
@@ -197,17 +198,12 @@ impl Kernel for Project {
             let mut slot = v.s_imm(0);
             while v.branch(Compare::Less, slot, slots) {
                 let face = v.s_load(layout.slots.column(field!(MapSlot.face)), slot);
-                // The code of each face knows its axes.
-                for number in 0..FACES {
-                    let this = v.s_imm(number as i32);
-                    if v.branch(Compare::Equal, face, this) {
-                        let (ahead, images) = self.on_face(v, number, ends);
-                        let reach = self.reach(v, face, images);
-                        let ahead = v.kand(ahead, live);
-                        boxes.store(v, layout, [slot, face], i, ahead, reach);
-                        self.store(v, live, slot, i, images);
-                    }
-                }
+                let ends = turned(v, face, ends);
+                let (ahead, images) = self.on_face(v, ends);
+                let reach = self.reach(v, face, images);
+                let ahead = v.kand(ahead, live);
+                boxes.store(v, layout, [slot, face], i, ahead, reach);
+                self.store(v, live, slot, i, images);
                 slot = scalar!(v, slot + 1);
             }
             i = scalar!(v, i + 16);
@@ -216,13 +212,12 @@ impl Kernel for Project {
 }
 
 impl Project {
-    /// Images of 16 edges on a face: places of their ends and reciprocal depths, as far as they are ahead of the light; the
+    /// Images of 16 edges on a face, in whose frame they are: places of their ends and reciprocal depths, as far as they are ahead of the light; the
     /// lanes in which some of an edge is.
     #[inline(always)]
-    fn on_face<V: Vpu>(&self, v: &mut V, face: u32, ends: [Vec3<V>; 2]) -> (V::Mask, [Vec3<V>; 2]) {
+    fn on_face<V: Vpu>(&self, v: &mut V, ends: [Vec3<V>; 2]) -> (V::Mask, [Vec3<V>; 2]) {
         let near = v.vset_f32(self.near);
-        let axis = face as usize / 2;
-        let depths = each!(end in [0, 1] => depth(v, face, ends[end]));
+        let depths = each!(end in [0, 1] => ends[end][2]);
         let ahead = each!(end in [0, 1] => v.vcmp_gt(depths[end], near));
         let any = v.kor(ahead[0], ahead[1]);
         let images = each!(end in [0, 1] => {
@@ -233,8 +228,7 @@ impl Project {
             let part = math::div(v, part, along);
             let depth = v.vblend_f32(ahead[end], depths[end], near);
             let inverse = v.vrcp(depth);
-            let place = each!(plane_axis in [0, 1] => {
-                let of = (axis + 1 + plane_axis) % 3;
+            let place = each!(of in [0, 1] => {
                 let side = v.vsub(ends[other][of], ends[end][of]);
                 let moved = v.vmadd(side, part, ends[end][of]);
                 let place = v.vblend_f32(ahead[end], ends[end][of], moved);

@@ -50,8 +50,7 @@ pub fn sort(
 ) -> Result<(), Stopped> {
     let blocks = grid.faces.block_count();
     for kind in Kind::ALL {
-        let first_list = Raster::first_list(kind, grid);
-        let sort = Sort { kind, first_list, raster: *raster, primitives: *primitives, blocks };
+        let sort = Sort { kind, raster: *raster, primitives: *primitives, blocks };
         // SAFETY: each task moves records within its own lists.
         runner.run(&unsafe { Step::independent("records by object", blocks.div_ceil(BLOCKS), sort) })?;
     }
@@ -203,8 +202,6 @@ fn object_of<V: Vpu>(v: &mut V, primitives: &Primitives, kind: Kind, number: V::
 /// Sorts the records of each block by object: those that are in order, as most are, are only looked at.
 struct Sort {
     kind: Kind,
-    /// The list of block 0.
-    first_list: u32,
     raster: Raster,
     primitives: Primitives,
     blocks: u32,
@@ -214,10 +211,8 @@ impl Kernel for Sort {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
         let (mut block, last) = task_range(v, task, BLOCKS, self.blocks);
-        let first_list = v.s_imm(self.first_list as i32);
         while v.branch(Compare::Less, block, last) {
-            let list = scalar!(v, first_list + block);
-            let [first, end] = self.raster.range(v, list);
+            let [first, end] = self.raster.range(v, self.kind, block);
             self.list(v, first, end);
             block = scalar!(v, block + 1);
         }

@@ -17,19 +17,20 @@
 
 #![expect(unsafe_code, reason = "steps declare their tasks independent, each with its reason")]
 
-use lrbsim_isa::{Addr, Compare, Kernel, Runner, Step, Stopped, Vpu};
+use lrbsim_isa::{Compare, Kernel, Runner, Step, Stopped, Vpu};
 
-use crate::columns::{Columns, lanes_below, task_range};
+use crate::columns::{Columns, lanes_below, take_lane, task_range};
 use crate::expression::{each, int, scalar};
+use crate::face::{FACES, turned};
 use crate::field;
+use crate::irregular::FAR;
 use crate::irregular::faces::BinPlace;
 use crate::irregular::grid::Grid;
 use crate::irregular::primitives::{EdgeRecord, Primitives};
 use crate::irregular::run::Samples;
-use crate::irregular::touch::{self, FaceFrame};
-use crate::irregular::{FACES, FAR};
+use crate::irregular::touch;
 use crate::plane::Vec3;
-use crate::record::{Field, Record, Records, words};
+use crate::record::{Record, Records, words};
 use crate::segment::{Angle, chord, on_chord, stretch};
 
 /// Number of edges that a task handles.
@@ -234,14 +235,14 @@ impl Kernel for Images {
             });
             let least = gather(field!(EdgeRecord.nearest));
             let to = int!(v, number * image_words);
-            for face in 0..FACES {
-                let here = scalar!(v, seen & { 1 << face });
-                if !v.branch(Compare::NotEqual, here, nothing) {
-                    continue;
-                }
-                let frame = FaceFrame::new(face);
-                let (a, b) = (frame.turned(v, a), frame.turned(v, b));
-                self.image(v, live, face, to, (a, b, least));
+            let mut faces = seen;
+            while v.branch(Compare::NotEqual, faces, nothing) {
+                let face = take_lane(v, &mut faces);
+                let ends = turned(v, face, [a, b]);
+                let first = scalar!(v, face * { (self.edge_count * words::<Image>()) as i32 });
+                let first = v.vsplat(first);
+                let to = int!(v, first + to);
+                self.image(v, live, to, ends, least);
             }
             i = scalar!(v, i + 16);
         }
@@ -249,16 +250,9 @@ impl Kernel for Images {
 }
 
 impl Images {
-    /// Leaves the images of the edges from `a` to `b`, in the frame of face `face`, at words `to`.
+    /// Leaves the images of 16 edges between `ends`, in the frame of a face, at words `to`.
     #[inline(always)]
-    fn image<V: Vpu>(
-        &self,
-        v: &mut V,
-        live: V::Mask,
-        face: u32,
-        to: V::I32,
-        (a, b, least): (Vec3<V>, Vec3<V>, V::F32),
-    ) {
+    fn image<V: Vpu>(&self, v: &mut V, live: V::Mask, to: V::I32, [a, b]: [Vec3<V>; 2], least: V::F32) {
         let zero = v.vset_f32(0.0);
         let image = touch::image(v, a, b, least);
         let mut size2 = |p: [V::F32; 2]| {
@@ -295,17 +289,11 @@ impl Images {
         ];
         for (field, value) in values {
             let value = v.vblend_f32(has_length, value, zero);
-            v.vscatter_f32(live, self.of_face(face, field), to, value);
+            v.vscatter_f32(live, self.images.field(field), to, value);
         }
         // What has no length is in front of no receiver.
         let far = v.vset_f32(FAR);
         let depth = v.vblend_f32(has_length, from_depth, far);
-        v.vscatter_f32(live, self.of_face(face, field!(Image.depth)), to, depth);
-    }
-
-    /// Where `field` of the first image of face `face` lies.
-    #[inline(always)]
-    fn of_face(&self, face: u32, field: Field<Image, f32>) -> Addr {
-        self.images.host(face * self.edge_count, field)
+        v.vscatter_f32(live, self.images.field(field!(Image.depth)), to, depth);
     }
 }
