@@ -213,7 +213,7 @@ pub fn work_sheet(spent: &[Duration; Work::COUNT]) -> Option<Sheet> {
     let done = Work::ALL.into_iter().zip(spent).filter(|(_, spent)| !spent.is_zero());
     let rows = done.map(|(work, spent)| row(work.title(), *spent));
     let rows = rows.chain(std::iter::once(row("all", all))).collect();
-    let columns = ["of that, in steps", "s of all threads", "share"].map(str::to_owned).into();
+    let columns = ["in steps, by kind of work", "thread-seconds", "share"].map(str::to_owned).into();
     (!all.is_zero()).then_some(Sheet { columns, rows })
 }
 

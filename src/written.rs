@@ -175,10 +175,16 @@ impl Changes {
         }
     }
 
-    /// The greatest slowdown in percent, of the whole or of any point; `None` where nothing is timed.
-    pub fn slowdown_percent(&self) -> Option<f64> {
-        let all = std::iter::once(&self.whole).chain(self.points.iter().map(|(_, point)| point));
-        all.filter_map(|part| part.total.and_then(|total| total.percent())).reduce(f64::max)
+    /// Two slowdowns, of the whole or of any point, in percent, each with how far it may be off: that of which most is certain, and that
+    /// which may be the greatest; `None` where nothing is timed.
+    pub fn slowdowns_percent(&self) -> Option<[[f64; 2]; 2]> {
+        let greatest = |sign: f64| {
+            let end = |[change, half]: [f64; 2]| change + sign * half;
+            let all = std::iter::once(&self.whole).chain(self.points.iter().map(|(_, point)| point));
+            all.filter_map(|part| part.total.and_then(|total| total.percent()))
+                .reduce(|most, other| if end(other) > end(most) { other } else { most })
+        };
+        Some([greatest(-1.0)?, greatest(1.0)?])
     }
 }
 

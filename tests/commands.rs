@@ -185,6 +185,25 @@ fn a_run_keeps_files_that_it_does_not_write() {
 }
 
 #[test]
+fn a_page_goes_where_it_is_asked_to() {
+    let folder = Folder::new();
+    folder.run(&["run", "tiny", "--fidelity", "functional", "-o", "d"]).ok();
+    folder.run(&["report", "d", "-o", "elsewhere"]).ok();
+    assert!(folder.path("elsewhere/report.html").exists() && !folder.path("d/report.html").exists());
+    folder.run(&["report", "d"]).ok();
+    let [there, here] = ["elsewhere", "d"].map(|name| std::fs::read(folder.path(name).join("report.html")));
+    assert_eq!(there.expect("written"), here.expect("written"));
+}
+
+#[test]
+fn studies_that_have_no_points_are_not_exported() {
+    let folder = Folder::new();
+    for name in ["fidelity", "stability", "table3"] {
+        folder.run(&["study", "export", name]).refused(&["has no points to run one by one", "lrbsim study"]);
+    }
+}
+
+#[test]
 fn results_of_before_do_not_stay_beside_new_ones() {
     let folder = Folder::new();
     let quick = ["run", "saloon-orbit", "--size", "16x12", "--fidelity", "functional", "-o", "d"];

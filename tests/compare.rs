@@ -65,6 +65,38 @@ fn a_slowdown_fails_where_it_is_asked_to() {
 }
 
 #[test]
+fn a_slowdown_that_may_be_none_does_not_fail() {
+    let folder = Folder::new();
+    run(&folder, "a", &[]);
+    run(&folder, "b", &["--set", "cores=2"]);
+    let certain = folder.run(&["compare", "a", "b", "--fail-above", "5"]);
+    assert_eq!(certain.code(), Some(1));
+    let mut report: Value =
+        serde_json::from_slice(&std::fs::read(folder.path("b/report.json")).expect("written")).expect("JSON");
+    report["phases"][0]["ms_interval"] = serde_json::json!([0.0, 1e4]);
+    folder.write("b/report.json", &report.to_string());
+    let text = folder.run(&["compare", "a", "b", "--fail-above", "5"]).ok().stdout();
+    assert!(text.contains("passed") && text.contains("may be above that"), "{text}");
+}
+
+#[test]
+fn a_point_that_may_be_slower_is_told_beside_one_that_is_as_fast() {
+    let folder = Folder::new();
+    let study = r#"{"name": "s", "base": {"scene": "tiny"}, "axes": [{"path": "cores", "values": [2, 4]}]}"#;
+    folder.write("s.json", study);
+    folder.run(&["study", "s.json", "-o", "a"]).ok();
+    let path = folder.path("a/study.json");
+    let mut after: Value = serde_json::from_slice(&std::fs::read(path).expect("written")).expect("JSON");
+    let ms = after["points"][1]["report"]["total"]["ms"].as_f64().expect("timed");
+    after["points"][1]["report"]["phases"][0]["ms_interval"] = serde_json::json!([0.0, ms]);
+    folder.write("b.json", &after.to_string());
+    let text = folder.run(&["compare", "a", "b.json", "--fail-above", "2"]).ok().stdout();
+    for part in ["the greatest change is 0.00 %", "A change of 0.00 \u{b1} ", "may be above that"] {
+        assert!(text.contains(part), "`{part}` is not in {text}");
+    }
+}
+
+#[test]
 fn pictures_that_differ_are_measured() {
     let folder = Folder::new();
     run(&folder, "a", &[]);

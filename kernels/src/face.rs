@@ -61,7 +61,7 @@ impl<V: Vpu, S: Copy> InFrame<V, S> {
         [x, y, self.depth(v, field)]
     }
 
-    /// The x or the y of a vector.
+    /// The x (axis 0) or the y (axis 1) of a vector.
     #[inline(always)]
     pub fn across<R>(&self, v: &mut V, field: Field<R, [f32; 3]>, axis: usize) -> V::F32
     where
@@ -80,8 +80,8 @@ impl<V: Vpu, S: Copy> InFrame<V, S> {
         flipped(v, along, self.flip)
     }
 
-    /// What a vector product of two vectors of this frame is multiplied with, so that it is the product in this frame: in a mirror image it runs
-    /// the other way.
+    /// `factor`, negated in a mirror image: a vector product of two vectors of this frame, times that, is what the frame sees of their
+    /// product.
     #[inline(always)]
     pub fn mirrored(&self, v: &mut V, factor: V::F32) -> V::F32 {
         flipped(v, factor, self.flip)

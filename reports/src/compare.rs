@@ -8,7 +8,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::Value;
 
-use crate::run::{ImageError, PhaseReport, RunReport};
+use crate::run::{ImageError, PhaseReport, RunReport, half_interval};
 use crate::sheet::{Cell, Sheet, show_value, signed};
 
 /// Causes that are named beside a phase, at most.
@@ -53,6 +53,9 @@ pub struct Change {
     pub b_ps: i64,
     /// Picoseconds in run B less those in run A.
     pub change_ps: i64,
+    /// How far `a_ps` and `b_ps` may be off, with 95 % confidence, where some of them was extrapolated from a sample; 0 where every task was
+    /// timed. Picoseconds.
+    pub half_intervals_ps: [i64; 2],
 }
 
 /// What changed in one phase.
@@ -103,25 +106,41 @@ pub enum PictureChange {
 }
 
 impl Change {
-    fn new(a_ps: i64, b_ps: i64) -> Change {
-        Change { a_ps, b_ps, change_ps: b_ps - a_ps }
+    fn new(a_ps: i64, b_ps: i64, half_intervals_ps: [i64; 2]) -> Change {
+        Change { a_ps, b_ps, change_ps: b_ps - a_ps, half_intervals_ps }
     }
 
-    /// Change in percent of A; `None` when A took no time.
-    pub fn percent(&self) -> Option<f64> {
-        (self.a_ps > 0).then(|| self.change_ps as f64 / self.a_ps as f64 * 100.0)
+    /// Change in percent of A, and how far it may be off; `None` when A took no time.
+    pub fn percent(&self) -> Option<[f64; 2]> {
+        let of_a = |ps: f64| ps / self.a_ps as f64;
+        let [a, b] = self.half_intervals_ps.map(|ps| of_a(ps as f64));
+        // The change is a ratio, in which what A is off by counts as often as B is longer.
+        let a = a * of_a(self.b_ps as f64);
+        (self.a_ps > 0).then(|| [100.0 * of_a(self.change_ps as f64), 100.0 * (a * a + b * b).sqrt()])
+    }
+
+    /// Whether some of either time was extrapolated from a sample.
+    pub fn is_extrapolated(&self) -> bool {
+        self.half_intervals_ps != [0, 0]
     }
 
     fn add(&mut self, other: Change) {
-        *self = Change::new(self.a_ps + other.a_ps, self.b_ps + other.b_ps);
+        let half = |side: usize| together(self.half_intervals_ps[side], other.half_intervals_ps[side]);
+        *self = Change::new(self.a_ps + other.a_ps, self.b_ps + other.b_ps, [half(0), half(1)]);
     }
+}
+
+/// Half of the interval of a sum of two times whose errors do not depend on one another.
+fn together(a_ps: i64, b_ps: i64) -> i64 {
+    let [a, b] = [a_ps, b_ps].map(|ps| ps as f64);
+    (a * a + b * b).sqrt().round() as i64
 }
 
 /// Compares two runs; `picture` is what differs between their pictures.
 pub fn compare(a: &RunReport, b: &RunReport, picture: PictureChange) -> Comparison {
     let timed = a.total.cycles.is_some() && b.total.cycles.is_some();
     let times = [a, b].map(phase_times);
-    let empty = (0, [0; Cause::COUNT]);
+    let empty = Times::default();
     let mut ids: Vec<(&str, &str)> = Vec::new();
     for phase in a.phases.iter().chain(&b.phases) {
         if !ids.iter().any(|(id, _)| *id == phase.id) {
@@ -131,12 +150,14 @@ pub fn compare(a: &RunReport, b: &RunReport, picture: PictureChange) -> Comparis
     let mut phases = Vec::new();
     for (id, title) in ids.into_iter().filter(|_| timed) {
         let [a, b] = [0, 1].map(|side: usize| times[side].get(id).unwrap_or(&empty));
-        let causes =
-            Cause::ALL.iter().enumerate().map(|(i, cause)| (cause.name().to_owned(), b.1[i] - a.1[i]));
+        let causes = Cause::ALL
+            .iter()
+            .enumerate()
+            .map(|(i, cause)| (cause.name().to_owned(), b.causes[i] - a.causes[i]));
         phases.push(PhaseChange {
             id: id.to_owned(),
             title: title.to_owned(),
-            time: Change::new(a.0, b.0),
+            time: Change::new(a.ps, b.ps, [a.half_interval_ps, b.half_interval_ps]),
             causes_ps: causes.collect(),
         });
     }
@@ -188,13 +209,26 @@ impl Comparison {
     }
 }
 
-/// Picoseconds of each phase, and of its causes, in the order of [`Cause::ALL`].
-fn phase_times(report: &RunReport) -> BTreeMap<&str, (i64, [i64; Cause::COUNT])> {
+/// Picoseconds of a phase.
+#[derive(Debug, Default)]
+struct Times {
+    ps: i64,
+    /// Half of the interval, 0 where all of the phase was timed.
+    half_interval_ps: i64,
+    /// Parts of `ps` by cause, in the order of [`Cause::ALL`].
+    causes: [i64; Cause::COUNT],
+}
+
+/// Times of the phases by their ids.
+fn phase_times(report: &RunReport) -> BTreeMap<&str, Times> {
     let picoseconds = |cycles: u64| (cycles as f64 * 1000.0 / report.machine.clock_ghz).round() as i64;
     let cycles: Vec<u64> = report.phases.iter().map(|phase| phase.cycles.unwrap_or(0)).collect();
     let parts = shared_out(picoseconds(cycles.iter().sum()), &cycles);
-    let times =
-        report.phases.iter().zip(parts).map(|(phase, ps)| (phase.id.as_str(), (ps, cause_times(phase, ps))));
+    let times = report.phases.iter().zip(parts).map(|(phase, ps)| {
+        let half = phase.ms.zip(phase.ms_interval).map_or(0.0, |(ms, interval)| half_interval(ms, interval));
+        let half_interval_ps = (half * PS_IN_MS).round() as i64;
+        (phase.id.as_str(), Times { ps, half_interval_ps, causes: cause_times(phase, ps) })
+    });
     times.collect()
 }
 
@@ -318,6 +352,12 @@ fn signed_ms(ps: i64) -> String {
     signed(ps as f64 / PS_IN_MS, 3)
 }
 
+/// A change in percent as people read it, with how far it may be off where that is not nothing: `+1.2 ± 0.3`.
+pub fn percent_text([change, half]: [f64; 2], decimals: usize) -> String {
+    let change = signed(change, decimals);
+    if half > 0.0 { format!("{change} \u{b1} {half:.decimals$}") } else { change }
+}
+
 /// The comparison as terminal text.
 pub fn render(comparison: &Comparison) -> String {
     let mut text = String::new();
@@ -327,6 +367,9 @@ pub fn render(comparison: &Comparison) -> String {
             text.push_str(&phase_sheet(comparison, total).terminal());
             text.push('\n');
             text.push_str(&cause_sheet(comparison, total).terminal());
+            if total.is_extrapolated() {
+                text.push_str("\n\u{b1}: how far the change may be off, with 95 % confidence, as parts of the times were extrapolated\n");
+            }
         }
     }
     let _ = match &comparison.picture {
@@ -384,7 +427,7 @@ fn phase_sheet(comparison: &Comparison, total: &Change) -> Sheet {
             .take(CAUSES_MAX)
             .map(|(cause, ps)| format!("{} {}", cause_label(cause), signed_ms(*ps)))
             .collect();
-        let percent = time.percent().map_or_else(|| "-".to_owned(), |percent| signed(percent, 1));
+        let percent = time.percent().map_or_else(|| "-".to_owned(), |change| percent_text(change, 1));
         vec![
             Cell::Text(title.to_owned()),
             Cell::Text(format!("{:9.3}", time.a_ps as f64 / PS_IN_MS)),
@@ -476,6 +519,26 @@ mod tests {
         let comparison = compare(&sample::timed(), &sample::timed(), PictureChange::Same);
         assert_eq!(comparison.total.expect("timed").change_ps, 0);
         assert!(comparison.causes_ps.values().all(|ps| *ps == 0) && comparison.inputs.is_empty());
+    }
+
+    #[test]
+    fn intervals_of_both_sides_make_that_of_the_change() {
+        let (mut a, mut b) = (sample::timed(), sample::timed());
+        let widen = |phase: &mut PhaseReport, half: f64| {
+            phase.ms_interval = phase.ms.map(|ms| [(ms - half).max(0.0), ms + half]);
+        };
+        widen(&mut a.phases[0], 0.3);
+        widen(&mut b.phases[0], 0.4);
+        widen(&mut b.phases[2], 1.2);
+        let comparison = compare(&a, &b, PictureChange::Same);
+        assert_eq!(comparison.phases[0].time.half_intervals_ps, [300_000_000, 400_000_000]);
+        let total = comparison.total.expect("timed");
+        assert_eq!((total.change_ps, total.half_intervals_ps[0]), (0, 300_000_000));
+        let [change, half] = total.percent().expect("it took time");
+        assert!(change == 0.0 && (half - 13.0).abs() < 1e-6, "{half}");
+        assert!(render(&comparison).contains("0.0 \u{b1} 13.0"), "{}", render(&comparison));
+        let timed = compare(&sample::timed(), &sample::timed(), PictureChange::Same);
+        assert!(!render(&timed).contains('\u{b1}'));
     }
 
     #[test]

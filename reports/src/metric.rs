@@ -8,18 +8,34 @@ use crate::run::RunReport;
 
 /// Some numbers of a report by their path: phases are found by their id.
 #[derive(Debug, Clone)]
-pub struct Numbers(BTreeMap<String, f64>);
+pub struct Numbers(BTreeMap<String, Number>);
+
+#[derive(Debug, Clone, Copy)]
+struct Number {
+    value: f64,
+    /// Half of the interval that the report gives beside the number.
+    half_interval: Option<f64>,
+}
 
 impl Numbers {
     /// The numbers of a report at `paths`. No others are kept: a study holds those of all of its points at once.
     pub fn of<'a>(report: &RunReport, paths: impl Iterator<Item = &'a str>) -> Numbers {
         let tree = serde_json::to_value(report).expect("a report has string keys");
-        Numbers(paths.filter_map(|path| Some((path.to_owned(), number(&tree, path)?))).collect())
+        let of = |path: &str| {
+            let half_interval = half_interval(&tree, path);
+            Some((path.to_owned(), Number { value: number(&tree, path)?, half_interval }))
+        };
+        Numbers(paths.filter_map(of).collect())
     }
 
     /// The number at `path`; `None` when it was not measured, is not there, or was not asked for.
     pub fn get(&self, path: &str) -> Option<f64> {
-        self.0.get(path).copied()
+        self.0.get(path).map(|number| number.value)
+    }
+
+    /// How far the number at `path` may be off, with 95 % confidence; `None` where nothing of it was extrapolated from a sample.
+    pub fn half_interval(&self, path: &str) -> Option<f64> {
+        self.0.get(path)?.half_interval
     }
 }
 
@@ -34,6 +50,18 @@ fn number(tree: &Value, path: &str) -> Option<f64> {
         let ratio = number(tree, of)? / number(tree, by)?;
         return ratio.is_finite().then_some(ratio);
     }
+    at(tree, path)?.as_f64()
+}
+
+/// Half of the interval of the number at `path`, which stands beside it by the name of that and `_interval`.
+fn half_interval(tree: &Value, path: &str) -> Option<f64> {
+    let interval = at(tree, &format!("{path}_interval"))?;
+    let interval = [interval[0].as_f64()?, interval[1].as_f64()?];
+    Some(crate::run::half_interval(number(tree, path)?, interval))
+}
+
+/// What stands at `path` of a report as a tree.
+fn at<'a>(tree: &'a Value, path: &str) -> Option<&'a Value> {
     let mut place = tree;
     for name in path.split('.') {
         place = match place {
@@ -42,7 +70,7 @@ fn number(tree: &Value, path: &str) -> Option<f64> {
             _ => return None,
         };
     }
-    place.as_f64()
+    Some(place)
 }
 
 /// The measure of a picture's error that tells where the error lies.
@@ -77,6 +105,11 @@ pub fn title(path: &str) -> String {
     }
 }
 
+/// The unit of what stands at a path, where its title has one.
+pub fn unit(path: &str) -> Option<String> {
+    Some(title(path).rsplit_once(", ")?.1.to_owned())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -98,6 +131,18 @@ mod tests {
             assert_eq!(numbers.get(path), None, "{path}");
         }
         assert_eq!(numbers.get("total.cycles"), None, "it was not asked for");
+    }
+
+    #[test]
+    fn what_was_extrapolated_has_half_an_interval() {
+        let mut report = sample::timed();
+        report.total.ms_interval = Some([8.5, 11.5]);
+        let numbers = Numbers::of(&report, ["total.ms", "total.paper_ms", "total.cycles"].into_iter());
+        assert_eq!(numbers.half_interval("total.ms"), Some(1.5));
+        assert_eq!(
+            (numbers.half_interval("total.paper_ms"), numbers.half_interval("total.cycles")),
+            (None, None)
+        );
     }
 
     #[test]

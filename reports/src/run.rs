@@ -242,6 +242,9 @@ pub struct Total {
     pub fps: Option<f64>,
     /// Milliseconds of the phases that the published totals contain.
     pub paper_ms: Option<f64>,
+    /// Between these milliseconds `paper_ms` lies with 95 % confidence, as `ms_interval` says of `ms`.
+    #[serde(default)]
+    pub paper_ms_interval: Option<[f64; 2]>,
     /// Frames per second of those.
     pub paper_fps: Option<f64>,
 }
@@ -346,18 +349,25 @@ impl Total {
         Total {
             cycles: all,
             ms: ms(all),
-            ms_interval: ms(all).and_then(|ms| interval_of_sum(ms, phases)),
+            ms_interval: ms(all).and_then(|ms| interval_of_sum(ms, phases.iter())),
             fps: fps(ms(all)),
             paper_ms: ms(paper),
+            paper_ms_interval: ms(paper)
+                .and_then(|ms| interval_of_sum(ms, phases.iter().filter(|phase| phase.in_paper_total))),
             paper_fps: fps(ms(paper)),
         }
     }
 }
 
+/// How far a number may be off of which this is the interval. Its lower end is cut at 0, its upper is not.
+pub fn half_interval(number: f64, interval: [f64; 2]) -> f64 {
+    interval[1] - number
+}
+
 /// The interval of `ms`, the sum of the times of `phases`, whose errors do not depend on one another; `None` where none of
 /// them has an interval.
-fn interval_of_sum(ms: f64, phases: &[PhaseReport]) -> Option<[f64; 2]> {
-    let halves = phases.iter().filter_map(|phase| phase.ms_interval).map(|[low, high]| (high - low) / 2.0);
+fn interval_of_sum<'a>(ms: f64, phases: impl Iterator<Item = &'a PhaseReport>) -> Option<[f64; 2]> {
+    let halves = phases.filter_map(|phase| Some(half_interval(phase.ms?, phase.ms_interval?)));
     let half = halves.map(|half| half * half).sum::<f64>().sqrt();
     (half > 0.0).then(|| [(ms - half).max(0.0), ms + half])
 }

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use lrbsim_machine::{Bounds, Cause};
 
-use crate::run::{ImageError, PhaseReport, RunReport, are_of_paper, hit_rate};
+use crate::run::{ImageError, PhaseReport, RunReport, are_of_paper, half_interval, hit_rate};
 
 /// Columns of text at most, so that a table fits a common terminal.
 pub const WIDTH_MAX: usize = 120;
@@ -31,6 +31,11 @@ pub fn render(report: &RunReport) -> String {
 
     if are_of_paper(&report.phases) && report.phases.iter().any(|phase| !phase.in_paper_total) {
         text.push_str("\n* not in the paper's total, which leaves out the costs of these phases\n");
+    }
+    if report.total.ms_interval.is_some() {
+        text.push_str(
+            "\n\u{b1}: half of the interval in which `windowed` has the time, with 95 % confidence\n",
+        );
     }
     if !timed {
         text.push_str("\nfunctional: nothing is timed\n");
@@ -139,7 +144,7 @@ fn greatest(parts: impl Iterator<Item = (&'static str, u64)>, all: u64) -> Strin
 fn time(ms: Option<f64>, interval: Option<[f64; 2]>) -> String {
     match interval {
         None => number(ms, 3),
-        Some([low, high]) => format!("{} ± {:.3}", number(ms, 3), (high - low) / 2.0),
+        Some(interval) => format!("{} ± {:.3}", number(ms, 3), half_interval(ms.unwrap_or(0.0), interval)),
     }
 }
 
@@ -196,7 +201,7 @@ fn totals(report: &RunReport, timed: bool) -> Vec<Row> {
     if are_of_paper(&report.phases) {
         lines.push(line(
             "paper's total",
-            number(total.paper_ms, 3),
+            time(total.paper_ms, total.paper_ms_interval),
             &paper_share,
             millions(paper_instructions),
             total.paper_fps,

@@ -17,14 +17,19 @@ use super::interrupt::on_interrupt;
 
 #[derive(Debug, Args)]
 pub(crate) struct ReportArgs {
-    /// The folder of a run or a study; the page is written there.
+    /// The folder of a run or a study.
     dir: PathBuf,
+
+    /// Where the page is written instead of into that folder.
+    #[arg(short, long, value_name = "DIR")]
+    out: Option<PathBuf>,
 }
 
 pub(crate) fn run(args: &ReportArgs, out: &mut impl Write) -> Result<(), Failure> {
     on_interrupt(|| ());
     let written = Written::load(&args.dir)?;
     let folder = &written.folder;
+    let target = args.out.as_ref().unwrap_or(folder);
     let files = match &written.results {
         Results::Run(report) => {
             let moving = moving(folder).filter(|moving| {
@@ -40,7 +45,7 @@ pub(crate) fn run(args: &ReportArgs, out: &mut impl Write) -> Result<(), Failure
                 let html = page::of_frames(&moving, report, &all, &worst);
                 let mut files = frames::drawings(&moving);
                 files.push(("report.html".to_owned(), html.into_bytes()));
-                return write(folder, &files, out);
+                return write(target, &files, out);
             }
             let pictures =
                 pictures(folder, &[("shaded", "image.png"), ("visibility of the light", "visibility.png")])?;
@@ -56,7 +61,7 @@ pub(crate) fn run(args: &ReportArgs, out: &mut impl Write) -> Result<(), Failure
         Results::Table3(report) => table3::drawings(report),
         Results::Fidelity(report) => fidelity::drawings(&fidelity::beside(folder, (**report).clone())?),
     };
-    write(folder, &files, out)
+    write(target, &files, out)
 }
 
 fn write(folder: &Path, files: &[(String, Vec<u8>)], out: &mut impl Write) -> Result<(), Failure> {

@@ -147,6 +147,11 @@ impl What {
 fn export(args: &ExportArgs, out: &mut impl Write) -> Result<(), Failure> {
     on_interrupt(|| ());
     let what = &args.what;
+    if let Some((name, _)) = made(&what.study) {
+        return Err(BadInput::new(format!("`{name}` has no points to run one by one"))
+            .with_help(format!("`lrbsim study {name}` runs it on this machine, in a minute or two"))
+            .into());
+    }
     let options = Options { jobs: sound_jobs(args.jobs)?, cache: what.cache.clone() };
     let commands = study::commands(&what.load()?, &options, what.shards, &Log)?;
     for line in &commands.lines {
@@ -197,8 +202,7 @@ fn run_points(what: &What, args: &StudyArgs, out: &mut impl Write) -> Result<boo
     if !args.algorithms.is_empty() && what.study != Path::new(table3::NAME) {
         return Err(not_for("-a", &[table3::NAME]).into());
     }
-    let made = MADE.iter().find(|(name, _)| what.study == Path::new(name));
-    if let Some((name, run)) = made {
+    if let Some((name, run)) = made(&what.study) {
         if slurm {
             return Err(BadInput::new(format!(
                 "`{name}` takes a minute or two and runs on this machine alone"
@@ -319,6 +323,11 @@ type RunMade = fn(&StudyArgs, HostOptions, &super::progress::Bar, &Path) -> Resu
 /// Studies that are no product of axes, by name; none of their points is kept in the cache.
 const MADE: [(&str, RunMade); 3] =
     [(stability::NAME, run_stability), (table3::NAME, run_table3), (fidelity::NAME, run_fidelity)];
+
+/// The study of this name, if it is no product of axes.
+fn made(study: &Path) -> Option<&'static (&'static str, RunMade)> {
+    MADE.iter().find(|(name, _)| study == Path::new(name))
+}
 
 /// Runs a study that is no product of axes.
 fn run_made(

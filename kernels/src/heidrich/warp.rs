@@ -80,9 +80,11 @@ impl Kernel for Warp {
             let mut slot = v.s_imm(0);
             while v.branch(Compare::Less, slot, slots) {
                 let face = v.s_load(layout.slots.column(field!(MapSlot.face)), slot);
-                let corners = turned(v, face, corners);
-                let reach = on_face(v, self.near, corners);
-                let weights = turned(v, face, normals);
+                let [a, b, c] = corners;
+                let [of_a, of_b, of_c] = normals;
+                let [a, b, c, of_a, of_b, of_c] = turned(v, face, [a, b, c, of_a, of_b, of_c]);
+                let reach = on_face(v, self.near, [a, b, c]);
+                let weights = [of_a, of_b, of_c];
                 let covers = self.reaches_square(v, face, seen, weights);
                 let (covers, ranges) = Boxes::ranges(v, layout, face, covers, reach);
                 let covers = self.covers_middles(v, face, covers, ranges, weights);

@@ -70,7 +70,8 @@ impl Bins {
 
 /// Tasks of the triangles and of the edges. A point light has no silhouettes.
 fn task_counts<T>(primitives: &Primitives<T>) -> [u32; 2] {
-    [primitives.triangle_count.div_ceil(TASK[0]), primitives.edge_count.div_ceil(TASK[1])]
+    let counts = [primitives.triangle_count, primitives.edge_count];
+    Kind::ALL.map(|kind| counts[kind as usize].div_ceil(TASK[kind as usize]))
 }
 
 /// Words in which a task turns two vectors into scalars, lane by lane.
@@ -110,14 +111,14 @@ impl<T: Layer> Kernel for Bin<T> {
         }
         let kind = if v.branch(Compare::LessEqual, edge_tasks, task) {
             let task = scalar!(v, task - edge_tasks);
-            let (mut i, end) = task_range(v, task, TASK[0], primitives.triangle_count);
+            let (mut i, end) = task_range(v, task, TASK[Kind::Triangles as usize], primitives.triangle_count);
             while v.branch(Compare::Less, i, end) {
                 self.triangles(v, seen, &own, i, end);
                 i = scalar!(v, i + 16);
             }
             Kind::Triangles
         } else {
-            let (mut i, end) = task_range(v, task, TASK[1], primitives.edge_count);
+            let (mut i, end) = task_range(v, task, TASK[Kind::Edges as usize], primitives.edge_count);
             while v.branch(Compare::Less, i, end) {
                 let edge = primitives.edges.record(v, i);
                 let faces = edge.scalar(v, field!(EdgeRecord.faces));

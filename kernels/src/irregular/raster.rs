@@ -34,8 +34,11 @@ const PIECE_LOG2: i32 = 6;
 /// Lists of a task of the piece steps.
 const LISTS: u32 = 16;
 
-/// Parts of a list: part i has groups i, i + `PARTS` and so on.
-const PARTS: u32 = 2;
+/// Parts of a list, as a power of two: part i has every second group from group i on.
+const PARTS_LOG2: i32 = 1;
+
+/// Quarters of all blocks, as a power of two. Blocks are whole bins of 16.
+const QUARTERS_LOG2: i32 = 2;
 
 /// Cells in a line of a block.
 const LINE: u32 = 4;
@@ -85,7 +88,7 @@ impl Raster {
     /// Puts the primitives of the bins into the lists of their blocks: counts the records of each block, then writes their primitives.
     /// [`Raster::find_cells`] finds the rest.
     pub fn build(grid: &Grid, bins: &Bins, runner: &mut Runner<'_>) -> Result<Raster, Stopped> {
-        let list_count = 2 * grid.faces.block_count();
+        let list_count = Kind::ALL.len() as u32 * grid.faces.block_count();
         let zeroed = [u64::from(words::<PieceCounters>()), Lists::start_words(list_count)];
         let [counters, starts] = clear::zeroed(runner, zeroed)?;
         let (pieces, piece_count) = pieces(grid, bins, Records::from_base(counters), runner)?;
@@ -110,7 +113,7 @@ impl Raster {
     ) -> Result<(), Stopped> {
         let cells = Cells { raster: *self, primitives: *primitives, grid: *grid };
         // SAFETY: each task writes the records of its own part of a list.
-        runner.run(&unsafe { Step::independent("record cells", PARTS * self.lists.count, cells) })
+        runner.run(&unsafe { Step::independent("record cells", self.lists.count << PARTS_LOG2, cells) })
     }
 
     /// Where the records of `kind` of a block begin, the first of a group, and one past the last of them.
@@ -262,7 +265,7 @@ impl<T: Layer> Kernel for Cells<T> {
     #[inline(always)]
     fn run<V: Vpu>(&self, v: &mut V, task: V::S32) {
         let blocks = self.raster.block_count();
-        let of_triangles = v.s_imm((PARTS * blocks) as i32);
+        let of_triangles = v.s_imm((blocks << PARTS_LOG2) as i32);
         if v.branch(Compare::Less, task, of_triangles) {
             self.part::<V, T::Touch<V>>(v, Kind::Triangles, self.primitives.triangles, task);
         } else {
@@ -293,9 +296,12 @@ impl<T> Cells<T> {
     /// like lengths.
     #[inline(always)]
     fn part<V: Vpu, P: Touch<V>>(&self, v: &mut V, kind: Kind, records: Records<P::Record>, number: V::S32) {
-        let part = scalar!(v, number & 1);
-        let quarter = scalar!(v, ((number >> 1) + (part << 1)) & 3);
-        let block = scalar!(v, (quarter * { (self.raster.block_count() / 4) as i32 }) + (number >> 3));
+        let quarter_blocks = (self.raster.block_count() >> QUARTERS_LOG2) as i32;
+        let part = scalar!(v, number & { (1 << PARTS_LOG2) - 1 });
+        // Of each part the quarters come in turn, from another on: every number has a part and a block of its own.
+        let turn = scalar!(v, (number >> { PARTS_LOG2 }) + (part << 1));
+        let quarter = scalar!(v, turn & { (1 << QUARTERS_LOG2) - 1 });
+        let block = scalar!(v, (quarter * { quarter_blocks }) + (number >> { PARTS_LOG2 + QUARTERS_LOG2 }));
         let [first, end] = self.raster.range(v, kind, block);
         let first = scalar!(v, first + (part << 4));
         if v.branch(Compare::LessEqual, end, first) {
@@ -337,7 +343,7 @@ impl<T> Cells<T> {
         (across, down)
     }
 
-    /// Finds the cells of the records of a part, 16 at a time, from the first of a list up to its end.
+    /// Finds the cells of the records of a part, 16 at a time, from its first up to the end of the list.
     #[inline(always)]
     fn records<V: Vpu, P: Touch<V>>(
         &self,
@@ -402,7 +408,7 @@ impl<T> Cells<T> {
                 let start = primitives.start(v, most);
                 v.vstore_f32(all, columns.column(field!(BlockRecord.start)), at, start);
             }
-            at = scalar!(v, at + { (16 * PARTS) as i32 });
+            at = scalar!(v, at + { 16 << PARTS_LOG2 });
         }
     }
 }

@@ -1,7 +1,7 @@
 //! What was measured beside what others published of the same points.
 
 use super::{Data, Finding};
-use crate::metric::title;
+use crate::metric::{title, unit};
 use crate::plot::{Bar, Bars, Plot};
 use crate::sheet::{Cell, Sheet, show_value};
 use crate::study::{Published, named, same};
@@ -10,6 +10,8 @@ pub(super) fn published(data: &Data, published: &[Published]) -> Finding {
     let mut columns = data.axes.clone();
     columns.extend(["number", "measured", "published", "ratio"].map(str::to_owned));
     let (mut rows, mut bars, mut sources) = (Vec::new(), Vec::new(), Vec::new());
+    // Of numbers of several units the bars are those of the first: more is better in one and worse in another.
+    let mut drawn = None;
     for Published { source, point, numbers } in published {
         if !sources.contains(source) {
             sources.push(source.clone());
@@ -29,7 +31,10 @@ pub(super) fn published(data: &Data, published: &[Published]) -> Finding {
                 rows.push(cells);
                 let names: Vec<String> = row.values.iter().map(show_value).collect();
                 let name = format!("{}: {}", names.join(", "), title(path));
-                bars.extend(ratio.map(|to| Bar { name, from: 0.0, to }));
+                let Some(to) = ratio else { continue };
+                if drawn.get_or_insert_with(|| unit(path)) == &unit(path) {
+                    bars.push(Bar { name, from: 0.0, to });
+                }
             }
         }
     }
@@ -39,7 +44,8 @@ pub(super) fn published(data: &Data, published: &[Published]) -> Finding {
             "Nothing is shown: no point that has a result is one of those that `published` names.".to_owned(),
         ];
     }
-    let label = "measured / published".to_owned();
+    let of = drawn.flatten().map_or(String::new(), |unit| format!(", of {unit}"));
+    let label = format!("measured / published{of}");
     Finding {
         name: "published".to_owned(),
         title: "Beside what was published".to_owned(),

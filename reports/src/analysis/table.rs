@@ -19,17 +19,32 @@ pub(super) fn table(digest: &Digest, data: &Data, analysis: &Analysis) -> Findin
 
     // Failed points too: their row says why.
     let failed = study.points.iter().any(|point| point.error.is_some());
+    // Of the number that is asked for and of columns, not of each phase: a table is as wide as it can be read.
+    let is_extrapolated = |path: &String| {
+        let any = || data.rows.iter().any(|row| row.numbers.half_interval(path).is_some());
+        (*path == y || study.study.columns.contains(path)) && any()
+    };
+    let paths: Vec<(String, bool)> =
+        paths.into_iter().map(|path| (path.clone(), is_extrapolated(&path))).collect();
     let mut columns = data.axes.clone();
-    columns.extend(paths.iter().map(|path| title(path)));
+    for (path, is_extrapolated) in &paths {
+        columns.push(title(path));
+        if *is_extrapolated {
+            columns.push(format!("\u{b1} {}", title(path)));
+        }
+    }
     if failed {
         columns.push("error".to_owned());
     }
     let mut rows = Vec::new();
     for (point, numbers) in study.points.iter().zip(&digest.numbers) {
         let mut row: Vec<Cell> = point.values.iter().map(Cell::value).collect();
-        row.extend(
-            paths.iter().map(|path| Cell::maybe(numbers.as_ref().and_then(|numbers| numbers.get(path)))),
-        );
+        for (path, is_extrapolated) in &paths {
+            row.push(Cell::maybe(numbers.as_ref().and_then(|numbers| numbers.get(path))));
+            if *is_extrapolated {
+                row.push(Cell::maybe(numbers.as_ref().and_then(|numbers| numbers.half_interval(path))));
+            }
+        }
         if failed {
             row.push(Cell::Text(point.error.clone().unwrap_or_default()));
         }
@@ -42,6 +57,12 @@ pub(super) fn table(digest: &Digest, data: &Data, analysis: &Analysis) -> Findin
             vec![format!("{n} of {all} without a result; the last column says why.")]
         }
     };
+    if paths.iter().any(|(_, is_extrapolated)| *is_extrapolated) {
+        notes.push(
+            "\u{b1}: half of the interval in which `windowed` has the number, with 95 % confidence."
+                .to_owned(),
+        );
+    }
     notes.extend(digest.warnings());
     let sheet = Sheet { columns, rows };
     Finding {

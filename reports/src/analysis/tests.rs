@@ -182,8 +182,9 @@ fn what_was_published_stands_beside_what_was_measured() {
     let Finding { sheet, notes, plot, .. } = finding(&study, "published");
     assert_eq!(notes, ["Published: A paper, Table 1."], "once");
     let rows: Vec<Vec<f64>> = sheet.rows.iter().map(|row| numbers(row)).collect();
-    // Axis, measured, published, ratio; what was not measured has no ratio, and no bar.
+    // Axis, measured, published, ratio; what was not measured has no ratio, and no bar; nor has what is of another unit.
     assert_eq!(rows, [vec![1.0, 1.0], vec![1.0, 8.0, 16.0, 0.5], vec![2.0, 0.5, 0.25, 2.0]]);
     let Some(Plot::Bars(bars)) = plot else { panic!("a bar each") };
-    assert_eq!(bars.bars.iter().map(|bar| bar.to).collect::<Vec<f64>>(), [0.5, 2.0]);
+    assert_eq!(bars.bars.iter().map(|bar| bar.to).collect::<Vec<f64>>(), [0.5]);
+    assert_eq!(bars.label, "measured / published, of ms");
 }

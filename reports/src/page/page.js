@@ -17,7 +17,10 @@ function section(title, ...children) {
   return element("section", {}, element("h2", {}, title), ...children);
 }
 
-const note = (text) => element("p", { class: "soft" }, text);
+// Words of which some are code, between backticks.
+const words = (text) => text.split("`").map((part, i) => (i % 2 ? element("code", {}, part) : part));
+const note = (text) => element("p", { class: "soft" }, ...words(text));
+const paragraph = (text) => element("p", {}, ...words(text));
 
 // Buttons of which one is pressed.
 function choice(names, pick) {
@@ -71,8 +74,14 @@ function figures(entries) {
   return element("div", { class: "figures" }, ...entries.filter((entry) => entry[1] !== null).map(box));
 }
 
-// Milliseconds, and how far they may be off where they were extrapolated.
-const time = (part) => (part.ms_interval ? cell(part.ms, `${short(part.ms)} \u00b1 ${short((part.ms_interval[1] - part.ms_interval[0]) / 2)}`) : part.ms);
+// Milliseconds as text, and how far they may be off where they were extrapolated, with two digits of that; its lower end is cut at 0.
+function timeText(ms, interval) {
+  if (!interval) return short(ms);
+  const half = interval[1] - ms;
+  const decimals = half > 0 ? Math.min(6, Math.max(0, 1 - Math.floor(Math.log10(half)))) : 3;
+  return `${ms.toFixed(decimals)} \u00b1 ${half.toFixed(decimals)}`;
+}
+const time = (ms, interval) => (interval ? cell(ms, timeText(ms, interval)) : ms);
 
 // The cause to which most of the core-cycles without an instruction were lost, and how many of all they were.
 function waitsFor(stack) {
@@ -86,7 +95,7 @@ function phaseTable(report) {
   const timed = report.total.cycles !== null, ofPaper = report.phases.some((phase) => phase.in_paper_total);
   const columns = ["phase", "ms", "share", "instructions", "IPC", "lanes active", "L1 hits", "L2 hits", "memory, MB"];
   const rows = report.phases.map((phase) => [
-    phase.title + (phase.in_paper_total || !ofPaper ? "" : " *"), time(phase), asPercent(phase.share), phase.instructions.total, cell(phase.ipc, phase.ipc === null ? "" : phase.ipc.toFixed(3)),
+    phase.title + (phase.in_paper_total || !ofPaper ? "" : " *"), time(phase.ms, phase.ms_interval), asPercent(phase.share), phase.instructions.total, cell(phase.ipc, phase.ipc === null ? "" : phase.ipc.toFixed(3)),
     asPercent(ratio(phase.lanes.active, phase.lanes.active + phase.lanes.masked)),
     asPercent(phase.l1d && ratio(phase.l1d.hits, phase.l1d.accesses)), asPercent(phase.l2 && ratio(phase.l2.hits, phase.l2.accesses)),
     phase.memory && cell(phase.memory.bytes, (phase.memory.bytes / 1e6).toFixed(2)),
@@ -94,12 +103,12 @@ function phaseTable(report) {
   const sum = (pick) => report.phases.reduce((all, phase) => all + (pick(phase) || 0), 0);
   const instructions = (all) => report.phases.filter((phase) => all || phase.in_paper_total).reduce((sum, phase) => sum + phase.instructions.total, 0);
   const bytes = timed ? (sum((phase) => phase.memory && phase.memory.bytes) / 1e6).toFixed(2) : null;
-  const totals = [["total", time(report.total), "", instructions(true), "", "", "", "", bytes]];
-  if (timed && ofPaper) totals.push(["paper's total", report.total.paper_ms, "", instructions(false), "", "", "", "", ""]);
+  const totals = [["total", time(report.total.ms, report.total.ms_interval), "", instructions(true), "", "", "", "", bytes]];
+  if (timed && ofPaper) totals.push(["paper's total", time(report.total.paper_ms, report.total.paper_ms_interval), "", instructions(false), "", "", "", "", ""]);
   const steps = report.phases.flatMap((phase) => phase.by_step.map((step) => [phase.title, step.name, step.ms, asPercent(ratio(step.cycles, report.total.cycles)), step.tasks, step.instructions, waitsFor(step.cycle_stack)]));
   return section("Phases", table(columns, rows, totals),
     element("details", {}, element("summary", {}, `the ${steps.length} steps of the phases`), table(["phase", "step", "ms", "share", "tasks", "instructions", "waits for"], steps)),
-    note(`${ofPaper ? "* not in the totals of Johnson et al. 2009. " : ""}Click a heading to sort. IPC: instructions per cycle and core.`));
+    note(`${ofPaper ? "* not in the totals of Johnson et al. 2009. " : ""}Click a heading to sort. IPC: instructions per cycle and core.${report.total.ms_interval ? " \u00b1: half of the interval in which `windowed` has the time, with 95 % confidence." : ""}`));
 }
 
 // What each limit alone would take of each phase, where times are estimates: nothing was simulated that cycles could have gone to.
@@ -118,7 +127,7 @@ function stackSection(report) {
   const rows = report.phases.map((phase) => {
     const all = CAUSES.reduce((sum, cause) => sum + phase.cycle_stack[cause], 0);
     const parts = CAUSES.map((cause, i) => ({ name: cause, value: (phase.ms * phase.cycle_stack[cause]) / (all || 1), color: COLORS[i], note: `${grouped(phase.cycle_stack[cause])} core-cycles` }));
-    return { name: phase.title, parts, note: `${short(phase.ms)} ms` };
+    return { name: phase.title, parts, note: `${timeText(phase.ms, phase.ms_interval)} ms` };
   });
   const draw = (relative) => holder.replaceChildren(stackedBars(rows, relative));
   draw(false);
@@ -151,8 +160,13 @@ function memorySection(report) {
   if (report.total.cycles === null) return null;
   const names = ["l1d", "l2", "ring", "directory", "memory", "atomics"];
   const counters = names.flatMap((group) => Object.keys(report.phases[0]?.[group] || {}).map((name) => [group, name]));
-  const rows = counters.map(([group, name]) => [`${label(group === "l1d" ? "l1" : group)} ${label(name)}`, ...report.phases.map((phase) => phase[group][name]), report.phases.reduce((sum, phase) => sum + phase[group][name], 0)]);
-  return section("Caches, ring and memory", table(["counter", ...report.phases.map((phase) => phase.id), "all"], rows));
+  const all = ([group, name]) => report.phases.reduce((sum, phase) => sum + phase[group][name], 0);
+  // An estimate leaves what it has no idea of at 0.
+  const estimated = report.phases.some((phase) => phase.bounds);
+  const rows = counters.filter((counter) => !estimated || all(counter) > 0)
+    .map(([group, name]) => [`${label(group === "l1d" ? "l1" : group)} ${label(name)}`, ...report.phases.map((phase) => phase[group][name]), all([group, name])]);
+  return section("Caches, ring and memory", table(["counter", ...report.phases.map((phase) => phase.id), "all"], rows),
+    estimated ? note("Estimates; what roofline does not estimate is left out.") : null);
 }
 
 function rooflineSection(report) {
@@ -320,9 +334,9 @@ function runSections(report, pictures) {
   return [
     note(`${report.provenance.algorithm}, ${report.provenance.fidelity}, ${scene.width} \u00d7 ${scene.height} pixels, ${grouped(scene.triangles)} triangles, ${grouped(scene.silhouette_edges)} silhouette edges, ${report.machine.cores} cores at ${report.machine.clock_ghz} GHz`),
     changed.length ? note(`Differs from the shipped ${report.machine.name}: ${changed.map(([path, value]) => `${path} ${value}`).join(", ")}.`) : null,
-    ...report.warnings.map((warning) => element("p", { class: "error" }, `Warning: ${warning.message}.`)),
-    figures([["milliseconds a frame", total.ms === null ? null : short(total.ms)], ["frames a second", total.fps === null ? null : short(total.fps)],
-      ["ms of the paper's phases", total.paper_ms === null ? null : short(total.paper_ms)], ["mean visibility", report.image.mean_visibility === null ? null : short(report.image.mean_visibility)], ["receivers in penumbra", grouped(report.image.penumbra_receivers)], ["mean error by the reference", report.image.error ? short(report.image.error.mean) : null]]),
+    ...report.warnings.map((warning) => element("p", { class: "error" }, ...words(`Warning: ${warning.message}.`))),
+    figures([["milliseconds a frame", total.ms === null ? null : timeText(total.ms, total.ms_interval)], ["frames a second", total.fps === null ? null : short(total.fps)],
+      ["ms of the paper's phases", total.paper_ms === null ? null : timeText(total.paper_ms, total.paper_ms_interval)], ["mean visibility", report.image.mean_visibility === null ? null : short(report.image.mean_visibility)], ["receivers in penumbra", grouped(report.image.penumbra_receivers)], ["mean error by the reference", report.image.error ? short(report.image.error.mean) : null]]),
     phaseTable(report), pictureSection(pictures), errorSection(report, pictures, data.judged), stackSection(report), coresSection(report), ...lanesSection(report), rooflineSection(report), memorySection(report), configSection(report), validationSection(report), provenanceSection(report),
   ].filter((part) => part !== null);
 }
@@ -352,7 +366,7 @@ function pointPictures(study, name) {
     const image = element("img", { alt: name(point), loading: "lazy" });
     images.push([image, point.pictures]);
     const report = point.report, error = report && report.image.error;
-    const numbers = report ? [report.total.ms === null ? null : `${short(report.total.ms)} ms`, error ? `error ${short(error.mean)}` : null].filter((part) => part).join(", ") : "";
+    const numbers = report ? [report.total.ms === null ? null : `${timeText(report.total.ms, report.total.ms_interval)} ms`, error ? `error ${short(error.mean)}` : null].filter((part) => part).join(", ") : "";
     return element("figure", {}, image, element("figcaption", {}, element("b", {}, name(point)), element("br", {}), numbers));
   };
   const gallery = [...rows.values()].map((row) => element("div", { class: "gallery" }, ...row.map(figure)));
@@ -374,13 +388,12 @@ function studySections(study) {
   const pick = element("select", { "aria-label": "Point of the study", change: (event) => holder.replaceChildren(...runSections(good[event.target.value].report)) }, ...good.map((point, index) => element("option", { value: index }, name(point))));
   if (good.length) holder.replaceChildren(...runSections(good[0].report));
   const failed = study.points.filter((point) => point.error !== null).map((point) => element("p", { class: "error" }, `${name(point)}: ${point.error}`));
-  return [element("p", {}, study.study.question), ...data.findings.map(findingSection), pointPictures(study, name), ...failed, good.length ? section("One point", pick, holder, data.left_out ? note(`The reports of ${data.left_out} more points are in study.json.`) : null) : note("No point has a result.")].filter((part) => part !== null);
+  return [paragraph(study.study.question), ...data.findings.map(findingSection), pointPictures(study, name), ...failed, good.length ? section("One point", pick, holder, data.left_out ? note(`The reports of ${data.left_out} more points are in study.json.`) : null) : note("No point has a result.")].filter((part) => part !== null);
 }
 
 // Words and pictures first: whoever reads of it for the first time finds numbers under each family, when wanted.
 function stabilitySections() {
   const [whole, ...families] = data.findings;
-  const paragraph = (text) => element("p", {}, text);
   const terms = element("details", {}, element("summary", {}, "what the columns of the tables mean"),
     table(["column", "meaning"], data.columns));
   const strip = (index, finding) => element("div", { class: "strip" }, ...data.report.families[index].points.map((point, at) => {
@@ -401,7 +414,6 @@ function stabilitySections() {
 // The table first, then each quality: how it is measured, its figures, and what each method draws beside the truth.
 function table3Sections() {
   const [whole, ...findings] = data.findings;
-  const paragraph = (text) => element("p", {}, text);
   const rows = [...data.report.truths, ...data.report.rows];
   const quality = (finding, index) => {
     const { id, about, ticks } = data.qualities[index];
@@ -418,7 +430,6 @@ function table3Sections() {
 
 // The price list first, then each subject.
 function fidelitySections() {
-  const paragraph = (text) => element("p", {}, text);
   return [...data.introduction.map(paragraph), ...data.findings.map((finding) => section(finding.title, finding.svg === null ? null : plotOf(finding),
     table(finding.sheet.columns, finding.sheet.rows), ...finding.notes.map(paragraph)))];
 }

@@ -11,7 +11,7 @@ use crate::sheet::short;
 const FRAME: (f64, f64, f64, f64) = (250.0, 60.0, 850.0, 460.0);
 
 /// Bars at most: more cannot be read.
-const BARS_MAX: usize = 18;
+const BARS_MAX: usize = 30;
 
 /// Horizontal bars from 0.
 #[derive(Debug, Clone, PartialEq)]

@@ -140,6 +140,11 @@ impl Chunks {
         f64::from(timed) / f64::from(self.starts[self.count()])
     }
 
+    /// By chunk how many of its tasks are not timed.
+    pub(super) fn left(&self) -> impl Iterator<Item = u32> {
+        self.timed.iter().zip(&self.starts[1..]).map(|(timed, end)| end - timed)
+    }
+
     /// What is not timed.
     pub(super) fn untimed(&self) -> Vec<Part> {
         (0..self.count())

@@ -2,9 +2,9 @@
 //! from both.
 //!
 //! ```text
-//! chunks of the step ─► choose ─► a chip, windowed ─► durations ─► rate: cycles of a thread for each uop ─┐
-//!                         └─► the others, run and counted ─► uops of each chunk ───────────────────────┤
-//!                                          schedule: all chunks, one after the other, on all threads ◄─┘
+//! chunks of the step ─► choose ─► a chip, windowed ─► durations ─► rate: cycles for each task and each uop ─┐
+//!                         └─► the others, run and counted ─► tasks and uops of each chunk ──────────────────┤
+//!                                            schedule: all chunks, one after the other, on all threads ◄────┘
 //! ```
 //!
 //! What is not timed touches no cache. So neighbors are chosen together, as far as their data is to be found where the chip has
@@ -183,7 +183,7 @@ impl Timing for Sampled {
         let mut rate = Rate::of(&sample.told, &sample.timed.cycle_stack);
         for _ in 1..ROUNDS_MAX {
             // As if the tasks that are left were as long as those that were timed.
-            let timed = sample.uops as f64 * rate.cycles / f64::from(threads);
+            let timed = rate.cycles(sample.timed.tasks as f64, sample.uops as f64) / f64::from(threads);
             let left = (1.0 / chunks.timed_share() - 1.0) * timed;
             let end = self.now as f64 + timed + left;
             let is_narrow = NORMAL_95 * rate.choice_deviation() * left <= asked * end;
@@ -204,26 +204,32 @@ impl Timing for Sampled {
             sample.skipped.run_all(tasks, &chunks.untimed(), self.host_threads);
         }
         let Sample { timed, uops, cycles, ready, skipped, .. } = sample;
-        let mut left = vec![0_u64; cycles.len()];
+        let mut left: Vec<(u32, u64)> = chunks.left().map(|tasks| (tasks, 0)).collect();
         for (task, uops) in &skipped.uops {
-            left[chunks.chunk_of(*task)] += uops;
+            left[chunks.chunk_of(*task)].1 += uops;
         }
-        let durations = cycles.iter().zip(left).map(|(cycles, left)| cycles + left as f64 * rate.cycles);
+        let durations: Vec<f64> = cycles
+            .iter()
+            .zip(left)
+            .map(|(cycles, (tasks, uops))| cycles + rate.cycles(tasks.into(), uops as f64))
+            .collect();
         let barrier = self.chip.observer().barrier_cycles();
-        let cycles =
-            schedule::makespan(durations, [threads, self.spec.cores], ready).round() as Cycle + barrier;
+        let makespan = schedule::makespan(durations.iter().copied(), [threads, self.spec.cores], ready);
+        let cycles = makespan.round() as Cycle + barrier;
 
         let untimed_uops = skipped.counts.total();
-        let extrapolated = untimed_uops as f64 * rate.cycles / f64::from(threads);
+        let untimed_tasks = u64::from(tasks.tasks()) - timed.tasks;
+        let extrapolated = rate.cycles(untimed_tasks as f64, untimed_uops as f64) / f64::from(threads);
         // A task that is too long to be recorded leaves none; that run is refused.
         let more = untimed_uops as f64 / uops.max(1) as f64;
         let running = u64::from(self.spec.cores) * (cycles - barrier);
         let mut report =
             extrapolate(&timed, cycles, 1.0 + more, [running, u64::from(self.spec.cores) * barrier]);
         let deviation = extrapolated * rate.deviation();
-        report.cycles_variance = (deviation * deviation) as u64;
+        let tail = (makespan - durations.iter().sum::<f64>() / f64::from(threads)).max(0.0);
+        let of_tail = tail * (1.0 - chunks.timed_share()) * rate::TAIL;
+        report.cycles_variance = (deviation * deviation + of_tail * of_tail) as u64;
         report.atomics.task_pulls = lengths.len() as u64 + u64::from(threads);
-        let untimed_tasks = u64::from(tasks.tasks()) - timed.tasks;
         let mut untimed = StepReport::of_counts(untimed_tasks as u32, &skipped.counts);
         // The others hold what their registers do not in memory too, and functional runs do not count that.
         for class in [Class::SpillStore, Class::SpillLoad] {

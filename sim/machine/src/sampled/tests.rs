@@ -49,6 +49,34 @@ fn times_lie_in_their_intervals_and_everything_adds_up() {
 }
 
 #[test]
+fn cycles_of_tasks_are_told_from_those_of_uops() {
+    let chunk = |tasks: f64, uops: f64, group: usize| Told {
+        tasks,
+        uops,
+        cycles: 300.0 * tasks + 4.0 * uops,
+        doubt: 0.0,
+        group,
+    };
+    let stack = CycleStack::default();
+    let chunks: Vec<_> = (0..20).map(|i| chunk(4.0, 80.0 + 1000.0 * f64::from(i % 5), i as usize)).collect();
+    let rate = Rate::of(&chunks, &stack);
+    assert!((rate.cycles(10.0, 100.0) - 3400.0).abs() < 1e-6 && rate.choice_deviation() < 1e-9);
+    // Who has more uops is done sooner, or more tasks: one of the two stands for all.
+    for cycles in [[900.0, 500.0], [10.0, 90_000.0]] {
+        let told = |i: usize| Told { cycles: cycles[i], ..chunk([1.0, 4.0][i], [900.0, 400.0][i], i) };
+        let chunks = [told(0), told(1)];
+        let rate = Rate::of(&chunks, &stack);
+        let all = rate.cycles(5.0, 1300.0);
+        assert!((all - cycles[0] - cycles[1]).abs() < 1e-6, "{cycles:?}: {all}");
+        assert!(rate.cycles(1.0, 0.0) >= 0.0 && rate.cycles(0.0, 1.0) >= 0.0, "{cycles:?}");
+    }
+    assert_eq!(Rate::of(&[], &stack).cycles(1.0, 1.0), 0.0);
+    // Of chunks that are all alike the whole is all that is known.
+    let rate = Rate::of(&[chunk(4.0, 100.0, 0), chunk(4.0, 100.0, 1)], &stack);
+    assert!((rate.cycles(4.0, 100.0) - 1600.0).abs() < 1e-9 && rate.cycles(4.0, 0.0) == 0.0);
+}
+
+#[test]
 fn busy_cycles_of_cores_add_up_to_those_of_the_step() {
     let mut level = sampled(Sampling::DEFAULT, 1);
     let report = level.run_step(&uneven(Mix::Kernel, 3000)).expect("moves");
@@ -204,10 +232,12 @@ fn a_rate_is_a_ratio_whose_error_is_that_of_its_groups() {
     let stack = CycleStack { issue: 100, barrier: 50, ..CycleStack::default() };
     // Eight groups of twelve chunks.
     let told = |cycles: fn(usize) -> f64, doubt: f64| -> Vec<Told> {
-        (0..96).map(|chunk| Told { uops: 10.0, cycles: cycles(chunk), doubt, group: chunk / 12 }).collect()
+        (0..96)
+            .map(|chunk| Told { tasks: 1.0, uops: 10.0, cycles: cycles(chunk), doubt, group: chunk / 12 })
+            .collect()
     };
     let even = Rate::of(&told(|_| 30.0, 0.0), &stack);
-    assert_eq!((even.cycles, even.deviation()), (3.0, rate::MODEL));
+    assert_eq!((even.cycles(0.0, 1.0), even.deviation()), (3.0, rate::MODEL));
     // Waits for what lies outside of the core count, and the barrier does not.
     let waits = CycleStack { issue: 100, memory: 100, barrier: 50, ..CycleStack::default() };
     let deviation = Rate::of(&told(|_| 30.0, 0.0), &waits).deviation();
@@ -215,7 +245,7 @@ fn a_rate_is_a_ratio_whose_error_is_that_of_its_groups() {
     // Half of the groups take 2 cycles a uop, half 4: each is off by a third.
     let rate = Rate::of(&told(|chunk| if chunk < 48 { 20.0 } else { 40.0 }, 0.0), &stack);
     let choice = (1.0 / 9.0 / 5.0 + rate::MODEL * rate::MODEL).sqrt();
-    assert!(rate.cycles == 3.0 && (rate.deviation() - choice).abs() < 1e-12, "{rate:?}");
+    assert!(rate.cycles(0.0, 1.0) == 3.0 && (rate.deviation() - choice).abs() < 1e-12, "{rate:?}");
     // What all have in common does not grow less with their number.
     let deviation = Rate::of(&told(|_| 30.0, 3.0), &stack).deviation();
     assert!((deviation - (0.01 + rate::MODEL * rate::MODEL).sqrt()).abs() < 1e-12);
