@@ -239,7 +239,7 @@ fn pages_of_estimates_say_so_and_show_limits_in_place_of_cycles() {
             "Where the cycles went",
             "times are estimates from what limits each step",
         ),
-        ("prices/report.html", &["The price list", "tiny"], "Phases", "`windowed` is the default"),
+        ("prices/report.html", &["The price list", "tiny"], "Phases", "windowed is the default"),
     ] {
         let Some(found) = in_browser(&folder, &folder.path(page), 1000, script) else { return };
         let shown: Vec<&str> =

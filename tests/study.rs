@@ -527,3 +527,37 @@ fn every_shipped_study_is_sound() {
         assert_eq!(folder.run(&["study", "export", path]).code(), Some(0), "{name}");
     }
 }
+
+#[test]
+fn other_paths_change_with_an_axis() {
+    let folder = Folder::new();
+    let axes = |with: &str| {
+        format!(
+            r#"{{"name": "w", "base": {{"scene": "tiny"}}, "axes": [{{"path": "cores", "values": [2, 4], "with": {{{with}}}}}]}}"#
+        )
+    };
+    folder.write("w.json", &axes(r#""memory.bandwidth_gb_per_s": [4, 8], "scene.image.width": [16, 32]"#));
+    folder.run(&["study", "w.json", "-o", "w"]).ok();
+    let study = results(&folder, "w/study.json");
+    for (cores, bandwidth, width) in [(2, 4, 16), (4, 8, 32)] {
+        let point = study.at(&[cores.into()]).expect("a point of the study");
+        let size = format!("{width}x{}", point.scene.height);
+        let set = [format!("cores={cores}"), format!("memory.bandwidth_gb_per_s={bandwidth}")];
+        let text = folder
+            .run(&["run", "tiny", "--json", "--size", &size, "--set", &set[0], "--set", &set[1]])
+            .ok()
+            .stdout();
+        let mut report: lrbsim_reports::RunReport = serde_json::from_str(&text).expect("a report");
+        report.machine.sources.clear();
+        assert_eq!(*point, report, "{set:?} {size}");
+    }
+    for (with, said) in [
+        (r#""l2.ways": [8]"#, "`l2.ways` has 1 values"),
+        (r#""cores": [1, 2]"#, "and with another too"),
+        (r#""l2.way": [8, 8]"#, "l2.way"),
+        (r#""l2.ways": [8, "many"]"#, "w.json:1:"),
+    ] {
+        folder.write("w.json", &axes(with));
+        folder.run(&["study", "w.json"]).refused(&[said, "w.json:1:"]);
+    }
+}

@@ -122,6 +122,10 @@ pub struct StudyAxis {
     /// Values of the axis, in their order.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub values: Vec<Value>,
+    /// Other paths that change with this one, each with as many values as `values` has: the height of an image with its width
+    /// (`scene.image.height`), or the bandwidth of memory with the number of cores.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub with: BTreeMap<String, Vec<Value>>,
     /// Least value of the axis's range.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub min: Option<f64>,
@@ -131,6 +135,17 @@ pub struct StudyAxis {
     /// How the values of the axis's range are drawn.
     #[serde(default, skip_serializing_if = "Draw::is_default")]
     pub draw: Draw,
+}
+
+impl StudyAxis {
+    /// What is set where the axis has this value: its path, and the paths that change with it. The base's own value, if it is none of the
+    /// axis, leaves these as they are.
+    pub fn settings<'a>(&'a self, value: &'a Value) -> impl Iterator<Item = (&'a str, &'a Value)> {
+        let number = self.values.iter().position(|other| same(other, value));
+        let with =
+            self.with.iter().filter_map(move |(path, values)| Some((path.as_str(), values.get(number?)?)));
+        std::iter::once((self.path.as_str(), value)).chain(with)
+    }
 }
 
 /// How values of a range are drawn.

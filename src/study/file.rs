@@ -116,6 +116,9 @@ impl Study {
                 };
                 at(bad, &place, label)
             })?;
+            try_with(&base, axis).map_err(|(path, number, (bad, _))| {
+                at(bad, &format!("axes[{index}].with.{path}[{number}]"), "this value")
+            })?;
             if takes_whole && points::holds_no_whole(axis) {
                 let what = if axis.draw == Draw::PowerOfTwo { "power of two" } else { "whole number" };
                 let bad = BadInput::new(format!("the axis `{}` has no {what} in its range", axis.path));
@@ -182,6 +185,18 @@ fn try_axis(base: &Recipe, axis: &StudyAxis) -> (bool, Result<(), Misfit>) {
         // Neither is taken: the range is at fault, and not the kind of its numbers.
         misfit => (false, misfit),
     }
+}
+
+/// Whether the base takes what changes with the values of `axis`; else the path, the number of its value, and why not.
+fn try_with<'a>(base: &Recipe, axis: &'a StudyAxis) -> Result<(), (&'a str, usize, Refusal)> {
+    for (number, value) in axis.values.iter().enumerate() {
+        let mut recipe = base.clone();
+        for (path, value) in axis.settings(value) {
+            let path = axis.with.get_key_value(path).map_or(axis.path.as_str(), |(path, _)| path);
+            recipe.set(path, value).map_err(|refusal| (path, number, refusal))?;
+        }
+    }
+    Ok(())
 }
 
 /// Points that are `named` by values of axes, at `place`, must be some that there can be: all else is a slip of the pen. Of one at a time, the
@@ -331,6 +346,33 @@ fn check_axes(file: &StudyFile, at: &dyn Fn(BadInput, &str, &str) -> BadInput) -
             let bad = BadInput::new(format!("the axis `{path}` is there twice"))
                 .with_help("put all values in one axis");
             return Err(at(bad, &format!("{place}.path"), "there already"));
+        }
+        for (path, values) in &axis.with {
+            let place = format!("{place}.with.{path}");
+            let others =
+                file.axes.iter().enumerate().map(|(other, axis)| {
+                    *path == axis.path || (other != index && axis.with.contains_key(path))
+                });
+            if others.into_iter().any(|is_there| is_there) {
+                let bad = BadInput::new(format!(
+                    "`{path}` changes with the axis `{}`, and with another too",
+                    axis.path
+                ));
+                return Err(at(bad.with_help("a path is set once in a point"), &place, "there already"));
+            }
+            if values.len() != axis.values.len() {
+                let bad = BadInput::new(format!(
+                    "`{path}` has {} values, and the axis `{}`, with which it changes, has {}",
+                    values.len(),
+                    axis.path,
+                    axis.values.len()
+                ));
+                return Err(at(
+                    bad.with_help("give one for each value of the axis"),
+                    &place,
+                    "another length",
+                ));
+            }
         }
         for (number, value) in axis.values.iter().enumerate() {
             if axis.values[..number].iter().any(|earlier| points::same(earlier, value)) && !is_list {

@@ -117,7 +117,9 @@ impl<'a> Work<'a> {
     fn recipe(&self, point: usize) -> Result<Recipe, BadInput> {
         let mut recipe = self.base.clone();
         for (axis, value) in self.study.file.axes.iter().zip(&self.study.points[point]) {
-            recipe.set(&axis.path, value).map_err(|(bad, _)| bad)?;
+            for (path, value) in axis.settings(value) {
+                recipe.set(path, value).map_err(|(bad, _)| bad)?;
+            }
         }
         Ok(recipe)
     }

@@ -44,7 +44,8 @@ function legend(names, colors) {
 
 // Horizontal bars in parts. rows: {name, parts: [{name, value, color}], note}
 function stackedBars(rows, relative) {
-  const width = 1000, left = 210, right = 90, height = 30;
+  const width = 1000, left = 210, height = 30;
+  const right = Math.max(90, ...rows.map((row) => 9 * (row.note || "").length + 16));
   const sum = (row) => row.parts.reduce((all, part) => all + part.value, 0);
   const most = Math.max(...rows.map(sum), 1e-12);
   const chart = shape("svg", { class: "chart", viewBox: `0 0 ${width} ${rows.length * height + 4}`, role: "img" });

@@ -3,12 +3,14 @@
 use plotters::prelude::DrawingBackend;
 
 use super::canvas::{Anchor, Canvas, GRID, INK, SIZE, color};
-use super::lines::clipped;
 use super::scale::Scale;
 use crate::sheet::short;
 
 /// Left, top, right, bottom of the bars; their names stand to the left.
-const FRAME: (f64, f64, f64, f64) = (250.0, 60.0, 850.0, 460.0);
+const FRAME: (f64, f64, f64, f64) = (330.0, 60.0, 850.0, 460.0);
+
+/// Characters of a name that fit there.
+const NAME_MAX: usize = 46;
 
 /// Bars at most: more cannot be read.
 const BARS_MAX: usize = 30;
@@ -59,7 +61,7 @@ impl Bars {
         let height = (bottom - top) / bars.len().max(4) as f64;
         for (row, bar) in bars.iter().enumerate() {
             let middle = top + (row as f64 + 0.5) * height;
-            canvas.words(&clipped(&bar.name), (left - 10.0, middle), Anchor::Right, 0.9);
+            canvas.words(&shortened(&bar.name), (left - 10.0, middle), Anchor::Right, 0.9);
             // Below and above the start are told apart by color and by side.
             for (end, index) in [(bar.from.min(bar.to), 1), (bar.from.max(bar.to), 2)] {
                 let half = (height * 0.32).min(14.0);
@@ -70,5 +72,29 @@ impl Bars {
             canvas.words(&short(widest), (place(widest) + beside, middle), anchor, 0.8);
         }
         canvas.line(&[(place(0.0), top), (place(0.0), bottom)], INK, 1.5, false);
+    }
+}
+
+/// A name that fits beside its bar: both of its ends tell names apart, what lies between them less.
+fn shortened(name: &str) -> String {
+    let count = name.chars().count();
+    if count <= NAME_MAX {
+        return name.to_owned();
+    }
+    let head = (NAME_MAX - 1) / 2;
+    let tail = NAME_MAX - 1 - head;
+    name.chars().take(head).chain(['\u{2026}']).chain(name.chars().skip(count - tail)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn long_names_keep_both_ends() {
+        assert_eq!(shortened("palm: grid, ms"), "palm: grid, ms");
+        let name = shortened("saloon, sism:form=printed,overlap=sum: paper's total, ms");
+        assert_eq!(name, "saloon, sism:form=prin\u{2026}=sum: paper's total, ms");
+        assert_eq!(name.chars().count(), NAME_MAX);
     }
 }
