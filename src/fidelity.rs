@@ -204,7 +204,7 @@ impl Ran {
             level: level.to_string(),
             error: self.cycles().zip(exact.cycles()).map(|(found, exact)| off(found, exact)),
             phase_error: worst.as_ref().map(|(error, _)| *error),
-            phase: worst.map(|(_, id)| id),
+            phase: worst.filter(|(error, _)| *error != 0.0).map(|(_, id)| id),
         }
     }
 }

@@ -54,7 +54,7 @@ pub struct Change {
     /// Picoseconds in run B less those in run A.
     pub change_ps: i64,
     /// How far `a_ps` and `b_ps` may be off, with 95 % confidence, where some of them was extrapolated from a sample; 0 where every task was
-    /// timed. Picoseconds.
+    /// timed, and of two runs of the same inputs, whose samples are the same. Picoseconds.
     pub half_intervals_ps: [i64; 2],
 }
 
@@ -161,8 +161,12 @@ pub fn compare(a: &RunReport, b: &RunReport, picture: PictureChange) -> Comparis
             causes_ps: causes.collect(),
         });
     }
-    let (causes_ps, errors) = (BTreeMap::new(), errors(a, b));
-    let mut comparison = Comparison { total: None, phases, causes_ps, inputs: inputs(a, b), picture, errors };
+    let (causes_ps, errors, inputs) = (BTreeMap::new(), errors(a, b), inputs(a, b));
+    if inputs.is_empty() {
+        // The same sample, so nothing that its choice adds.
+        phases.iter_mut().for_each(|phase: &mut PhaseChange| phase.time.half_intervals_ps = [0, 0]);
+    }
+    let mut comparison = Comparison { total: None, phases, causes_ps, inputs, picture, errors };
     comparison.add_up(timed);
     comparison
 }
@@ -283,6 +287,17 @@ fn errors(a: &RunReport, b: &RunReport) -> Vec<ErrorChange> {
     measures.iter().map(change).collect()
 }
 
+/// What is to be said of times of which not all were found at one level, as `inputs` tell.
+fn fidelities_differ(inputs: &[Difference]) -> Option<&'static str> {
+    let fidelity = inputs.iter().find(|difference| difference.path == "fidelity")?;
+    let level = |value: &Value| value.as_str().unwrap_or_default().split(':').next().map(str::to_owned);
+    Some(if level(&fidelity.a) == level(&fidelity.b) {
+        "\nThe samples differ: a change that is less than its ± may be theirs alone.\n"
+    } else {
+        "\nThe fidelities differ: a part of the change may be theirs. Run both at one fidelity to tell.\n"
+    })
+}
+
 /// What differs between the inputs of two runs.
 pub fn inputs(a: &RunReport, b: &RunReport) -> Vec<Difference> {
     let tree = |report: &RunReport| {
@@ -393,11 +408,8 @@ pub fn render(comparison: &Comparison) -> String {
             "\nThe programs differ: a part of the change may be theirs. Run both with one program to tell.\n",
         );
     }
-    if comparison.total.is_some() && comparison.inputs.iter().any(|difference| difference.path == "fidelity")
-    {
-        text.push_str(
-            "\nThe fidelities differ: a part of the change may be theirs. Run both at one fidelity to tell.\n",
-        );
+    if comparison.total.is_some() {
+        text.push_str(fidelities_differ(&comparison.inputs).unwrap_or_default());
     }
     let rows = comparison.inputs.iter().map(|difference| {
         let cell = |value: &Value| Cell::Text(shortened(&show_value(value)));
@@ -530,6 +542,9 @@ mod tests {
         widen(&mut a.phases[0], 0.3);
         widen(&mut b.phases[0], 0.4);
         widen(&mut b.phases[2], 1.2);
+        // A run that has the same inputs has the same errors.
+        assert_eq!(compare(&b, &b, PictureChange::Same).total.expect("timed").half_intervals_ps, [0, 0]);
+        b.provenance.fidelity = "sampled:error=5%,seed=2".to_owned();
         let comparison = compare(&a, &b, PictureChange::Same);
         assert_eq!(comparison.phases[0].time.half_intervals_ps, [300_000_000, 400_000_000]);
         let total = comparison.total.expect("timed");
@@ -594,6 +609,14 @@ mod tests {
         assert!(render(&comparison).contains("The fidelities differ"), "{}", render(&comparison));
         let same = compare(&cheaper, &cheaper, PictureChange::Same);
         assert!(!render(&same).contains("The fidelities differ"));
+        // Two samples are of one level.
+        let [a, b] = ["sampled:error=5%", "sampled:error=5%,seed=2"].map(|fidelity| {
+            let mut report = sample::timed();
+            report.provenance.fidelity = fidelity.to_owned();
+            report
+        });
+        let text = render(&compare(&a, &b, PictureChange::Same));
+        assert!(text.contains("The samples differ") && !text.contains("The fidelities differ"), "{text}");
     }
 
     #[test]

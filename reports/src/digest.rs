@@ -8,8 +8,15 @@ use crate::table::counted;
 /// Points whose whole reports a page holds: a browser shows some megabytes, not hundreds.
 const REPORTS_MAX: usize = 256;
 
-/// Numbers that analyses of a total show of every phase too.
-const PHASE_FIELDS: [&str; 2] = ["ms", "cycles"];
+/// Numbers of the whole that analyses show of every phase too, and what they are called there.
+const PHASE_FIELDS: [(&str, &str); 3] =
+    [("ms", "ms"), ("cycles", "cycles"), ("instructions", "instructions.total")];
+
+/// What the number of the whole at `path` is called in a phase; `None` where phases have none that add up to it.
+pub(crate) fn phase_field(path: &str) -> Option<&'static str> {
+    let field = path.strip_prefix("total.")?;
+    PHASE_FIELDS.iter().find(|(of_whole, _)| *of_whole == field).map(|(_, of_phase)| *of_phase)
+}
 
 /// A study with what its tables, plots and page show of each point.
 #[derive(Debug, Clone)]
@@ -48,8 +55,10 @@ impl Digest {
                 ERROR_PLACES.iter().map(|(path, _)| path).chain([&BIAS]).map(|path| (*path).to_owned()),
             );
         }
-        let of_phases = |field: &&str| paths.iter().any(|path| path.strip_prefix("total.") == Some(*field));
-        let fields = PHASE_FIELDS.into_iter().filter(of_phases).collect();
+        paths.extend(file.axes.iter().filter_map(|axis| axis.measure.clone()));
+        let mut fields: Vec<&str> = paths.iter().filter_map(|path| phase_field(path)).collect();
+        fields.sort_unstable();
+        fields.dedup();
         Digest {
             study,
             numbers: Vec::new(),

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::plot::{Axis, Lines, Look, Plot, Series};
-use crate::run::RunReport;
+use crate::run::{RunReport, half_interval};
 use crate::sheet::{Cell, Sheet};
 
 /// Version of the layout of [`FramesReport`].
@@ -40,6 +40,10 @@ pub struct FrameSummary {
     pub cycles: Option<u64>,
     /// Simulated milliseconds of the frame.
     pub ms: Option<f64>,
+    /// Between these milliseconds `ms` lies with 95 % confidence, where some of it was extrapolated from a sample; null where
+    /// every task was timed.
+    #[serde(default)]
+    pub ms_interval: Option<[f64; 2]>,
     /// Simulated instructions of the frame.
     pub instructions: u64,
     /// Milliseconds of each phase, in program order.
@@ -58,6 +62,9 @@ pub struct FramePhase {
     pub id: String,
     /// Simulated milliseconds of the phase.
     pub ms: Option<f64>,
+    /// Between these milliseconds `ms` lies with 95 % confidence, as `ms_interval` of the frame says of its time.
+    #[serde(default)]
+    pub ms_interval: Option<[f64; 2]>,
 }
 
 impl FrameSummary {
@@ -67,11 +74,16 @@ impl FrameSummary {
             time,
             cycles: report.total.cycles,
             ms: report.total.ms,
-            instructions: report.phases.iter().map(|phase| phase.instructions.total).sum(),
+            ms_interval: report.total.ms_interval,
+            instructions: report.total.instructions,
             phases: report
                 .phases
                 .iter()
-                .map(|phase| FramePhase { id: phase.id.clone(), ms: phase.ms })
+                .map(|phase| FramePhase {
+                    id: phase.id.clone(),
+                    ms: phase.ms,
+                    ms_interval: phase.ms_interval,
+                })
                 .collect(),
             mean_visibility: report.image.mean_visibility,
             sha256: report.image.sha256.clone(),
@@ -92,14 +104,18 @@ impl FramesReport {
         text
     }
 
-    /// A row for each frame.
+    /// A row for each frame; how far its time may be off stands beside it where some was extrapolated.
     pub fn sheet(&self) -> Sheet {
         let ids = self.frames.first().map(|frame| frame.phases.as_slice()).unwrap_or_default();
+        let is_extrapolated = self.frames.iter().any(|frame| frame.ms_interval.is_some());
         let mut columns = ["frame", "time", "total, ms"].map(str::to_owned).to_vec();
+        columns.extend(is_extrapolated.then(|| "±, ms".to_owned()));
         columns.extend(ids.iter().map(|phase| format!("{}, ms", phase.id)));
         columns.push("mean visibility".to_owned());
         let rows = self.frames.iter().enumerate().map(|(index, frame)| {
             let mut row = vec![Cell::Number(index as f64), Cell::Number(frame.time), Cell::maybe(frame.ms)];
+            let half = frame.ms.zip(frame.ms_interval).map(|(ms, interval)| half_interval(ms, interval));
+            row.extend(is_extrapolated.then(|| Cell::maybe(half)));
             row.extend(ids.iter().map(|id| {
                 Cell::maybe(frame.phases.iter().find(|phase| phase.id == id.id).and_then(|phase| phase.ms))
             }));

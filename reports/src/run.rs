@@ -247,6 +247,9 @@ pub struct Total {
     pub paper_ms_interval: Option<[f64; 2]>,
     /// Frames per second of those.
     pub paper_fps: Option<f64>,
+    /// Simulated instructions of all phases; 0 in reports of programs that did not tell.
+    #[serde(default)]
+    pub instructions: u64,
 }
 
 /// What the picture is, in numbers.
@@ -355,6 +358,7 @@ impl Total {
             paper_ms_interval: ms(paper)
                 .and_then(|ms| interval_of_sum(ms, phases.iter().filter(|phase| phase.in_paper_total))),
             paper_fps: fps(ms(paper)),
+            instructions: phases.iter().map(|phase| phase.instructions.total).sum(),
         }
     }
 }
@@ -422,9 +426,10 @@ mod tests {
     }
 
     #[test]
-    fn without_times_every_total_is_null() {
+    fn without_times_every_total_but_that_of_instructions_is_null() {
         let report = sample::functional();
-        assert_eq!(report.total, Total::default());
+        let instructions = report.phases.iter().map(|phase| phase.instructions.total).sum();
+        assert_eq!(report.total, Total { instructions, ..Total::default() });
         assert!(report.to_json().contains("\"paper_fps\": null"));
     }
 

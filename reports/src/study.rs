@@ -126,6 +126,10 @@ pub struct StudyAxis {
     /// (`scene.image.height`), or the bandwidth of memory with the number of cores.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub with: BTreeMap<String, Vec<Value>>,
+    /// What `exponents` are of in place of the values of the axis: a number of the report that they change in proportion, such as
+    /// `scene.triangles` of the fineness of a mesh.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub measure: Option<String>,
     /// Least value of the axis's range.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub min: Option<f64>,
@@ -193,7 +197,7 @@ pub enum Sampling {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(
     untagged,
-    expecting = "an analysis is one of \"table\", \"speedup\", \"power_law\", \"pareto\", \"sensitivity\", \"published\", or {\"kind\": one of these, \"x\": PATH, \"y\": PATH}"
+    expecting = "an analysis is one of \"table\", \"speedup\", \"power_law\", \"exponents\", \"pareto\", \"sensitivity\", \"published\", or {\"kind\": one of these, \"x\": PATH, \"y\": PATH}"
 )]
 pub enum AnalysisEntry {
     /// An analysis with its usual options.
@@ -230,6 +234,8 @@ pub enum AnalysisKind {
     Speedup,
     /// The exponent of a power law through the points, with its confidence interval.
     PowerLaw,
+    /// The exponents of each axis of numbers, the others as they are, for the whole and each phase, with their confidence intervals.
+    Exponents,
     /// The points that no other beats in both numbers.
     Pareto,
     /// What each axis does, the greatest first.

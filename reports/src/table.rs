@@ -34,7 +34,7 @@ pub fn render(report: &RunReport) -> String {
     }
     if report.total.ms_interval.is_some() {
         text.push_str(
-            "\n\u{b1}: half of the interval in which `windowed` has the time, with 95 % confidence\n",
+            "\n\u{b1}: half of the interval in which `windowed` has the time, with 95 % confidence; counters and waits are\nextrapolated too, and have none\n",
         );
     }
     if !timed {

@@ -6,8 +6,8 @@ mod scene;
 use std::path::Path;
 
 pub use machine::{Machine, machine_file};
-pub(crate) use scene::check_scene;
 pub use scene::{at_time, resize, scene, scene_file, scene_name, scene_with, set_light_radius};
+pub(crate) use scene::{check_scene, mesh_source};
 
 use crate::error::BadInput;
 use crate::settings::distance;

@@ -78,6 +78,12 @@ pub(crate) fn check_scene(name: &SceneName, settings: &[Setting]) -> Result<(), 
     validate(&file).map_err(|error| (BadInput::new(error.to_string()), true))
 }
 
+/// Where the triangles of a scene with `settings` come from; `None` where it is a model.
+pub(crate) fn mesh_source(name: &SceneName, settings: &[Setting]) -> Result<Option<MeshSource>, BadInput> {
+    let Some(file) = scene_file(name)? else { return Ok(None) };
+    Ok(Some(changed(&file, settings).map_err(|(bad, _)| bad)?.mesh))
+}
+
 /// `file` with all `settings`; with an error comes whether all paths were found.
 fn changed(file: &SceneFile, settings: &[Setting]) -> Result<SceneFile, (BadInput, bool)> {
     let mut tree = serde_json::to_value(file).expect("a scene has string keys");

@@ -30,7 +30,7 @@ pub(crate) fn scene(
     light: Light,
     (camera, image): (Camera, ImageSize),
 ) -> Result<Scene, SceneError> {
-    let source = Procedural { procedural: format!("{study} {id}"), seed: 1, detail: 1 };
+    let source = Procedural { procedural: format!("{study} {id}"), seed: 1, detail: 1, pieces: 1 };
     let file = SceneFile { mesh: MeshSource::Procedural(source), camera, image, light, motion: None };
     Scene::new(id, &file, mesh)
 }

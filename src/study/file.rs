@@ -17,10 +17,11 @@ use crate::json::{self, Spots};
 use crate::settings::distance;
 
 /// Name and text of each shipped study.
-const STUDIES: [(&str, &str); 7] = [
+const STUDIES: [(&str, &str); 8] = [
     ("accuracy", include_str!("../../configs/studies/accuracy.json")),
     ("cores", include_str!("../../configs/studies/cores.json")),
     ("orbit", include_str!("../../configs/studies/orbit.json")),
+    ("table1", include_str!("../../configs/studies/table1.json")),
     ("table2", include_str!("../../configs/studies/table2.json")),
     ("trade", include_str!("../../configs/studies/trade.json")),
     ("trade-panel", include_str!("../../configs/studies/trade-panel.json")),
@@ -279,6 +280,9 @@ fn check_numbers(file: &StudyFile, at: &dyn Fn(BadInput, &str, &str) -> BadInput
             check(path, &format!("published[{index}].numbers.{path}"), &[])?;
         }
     }
+    for (index, axis) in file.axes.iter().enumerate() {
+        axis.measure.iter().try_for_each(|path| check(path, &format!("axes[{index}].measure"), &[]))?;
+    }
     for (index, column) in file.columns.iter().enumerate() {
         check(column, &format!("columns[{index}]"), &[])?;
     }
@@ -320,6 +324,7 @@ fn is_timed(path: &str) -> bool {
         return is_timed(of) || is_timed(by);
     }
     match path.split('.').collect::<Vec<_>>()[..] {
+        ["total", "instructions"] => false,
         ["total", ..] => true,
         ["phases", _, part, ..] => !["steps", "tasks", "instructions", "lanes"].contains(&part),
         _ => false,

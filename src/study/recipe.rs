@@ -197,7 +197,11 @@ impl Recipe {
             ("scene", rest) => {
                 let scene = self.scene()?;
                 let light = serde_json::to_value(scene.light).expect("string keys");
-                at(serde_json::json!({"camera": scene.camera, "image": scene.image, "light": light}), rest)
+                let mesh = inputs::mesh_source(&self.scene_name()?, &self.scene_settings)?;
+                at(
+                    serde_json::json!({"camera": scene.camera, "image": scene.image, "light": light, "mesh": mesh}),
+                    rest,
+                )
             }
             ("machine", "") => Ok(Value::from(self.machine.as_str())),
             ("algorithm", "") => Ok(Value::from(self.algorithm.as_str())),

@@ -1,5 +1,6 @@
 //! What to make of a study's results: from its JSON alone, without a simulation.
 
+mod exponents;
 mod fit;
 mod pareto;
 mod power_law;
@@ -13,7 +14,7 @@ pub(crate) mod tests;
 
 use serde_json::Value;
 
-use crate::digest::Digest;
+use crate::digest::{Digest, phase_field};
 use crate::metric::Numbers;
 use crate::plot::Plot;
 use crate::sheet::{Sheet, show_value};
@@ -82,6 +83,7 @@ pub fn findings(digest: &Digest) -> Vec<Finding> {
         let mut finding = match analysis.kind {
             AnalysisKind::Table => table::table(digest, &data, analysis),
             AnalysisKind::Speedup => speedup::speedup(&data, analysis),
+            AnalysisKind::Exponents => exponents::exponents(&data, &file.axes, analysis),
             AnalysisKind::PowerLaw => power_law::power_law(&data, analysis),
             AnalysisKind::Pareto => pareto::pareto(&data, analysis),
             AnalysisKind::Sensitivity => sensitivity::sensitivity(&data, analysis),
@@ -153,7 +155,7 @@ impl<'a> Data<'a> {
     /// `y`, and where it is a time of the whole frame, the same of every phase.
     fn with_phases(&self, y: &str) -> Vec<String> {
         let mut all = vec![y.to_owned()];
-        if let Some(field @ ("ms" | "cycles")) = y.strip_prefix("total.") {
+        if let Some(field) = phase_field(y) {
             all.extend(self.phases.iter().map(|id| format!("phases.{id}.{field}")));
         }
         all

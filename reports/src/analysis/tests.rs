@@ -125,6 +125,38 @@ fn an_exact_power_is_found() {
 }
 
 #[test]
+fn exponents_are_those_of_each_axis_alone() {
+    // 3 a b^2 about a = b = 2, one at a time; phases take half of it.
+    let at = |a: f64, b: f64| ([json!(a), json!(b)], 3.0 * a * b * b);
+    let points = [at(2.0, 2.0), at(1.0, 2.0), at(4.0, 2.0), at(2.0, 1.0), at(2.0, 8.0)];
+    let points: Vec<(&[Value], f64)> = points.iter().map(|(values, ms)| (&values[..], *ms)).collect();
+    let found = finding(&study(&["cores", "l2.ways"], &["exponents"], &points), "exponents");
+    let of = |x: &str| {
+        let is_of = |row: &&Vec<Cell>| row[0].shown() == x && row[3].shown() == "soft, ms";
+        numbers(found.sheet.rows.iter().find(is_of).expect("it was asked for"))
+    };
+    for (x, ends, exponent) in [("cores", [1.0, 4.0], 1.0), ("l2.ways", [1.0, 8.0], 2.0)] {
+        let row = of(x);
+        assert_eq!((&row[..2], row[6]), (&ends[..], 3.0));
+        assert!(row[2..6].iter().all(|found| (found - exponent).abs() < 1e-9), "{row:?}");
+    }
+}
+
+#[test]
+fn exponents_are_of_what_was_measured_where_an_axis_says_so() {
+    let mut study = study(&["cores"], &["exponents"], &[(&[json!(1)], 2.0), (&[json!(2)], 8.0)]);
+    study.study.axes[0].measure = Some("scene.triangles".to_owned());
+    for (point, triangles) in study.points.iter_mut().zip([10, 40]) {
+        point.report.as_mut().expect("it has one").scene.triangles = triangles;
+    }
+    let row = finding(&study, "exponents").sheet.rows[0].clone();
+    assert_eq!(
+        (row[0].shown(), numbers(&row)),
+        ("scene.triangles".to_owned(), vec![10.0, 40.0, 1.0, 1.0, 2.0])
+    );
+}
+
+#[test]
 fn the_front_is_marked() {
     let points: [(&[Value], f64); 3] = [(&[json!(1)], 9.0), (&[json!(2)], 4.0), (&[json!(3)], 4.0)];
     let pareto = finding(&study(&["cores"], &["pareto"], &points), "pareto");
@@ -162,7 +194,7 @@ fn the_same_analysis_twice_has_two_names() {
 
 #[test]
 fn a_study_without_results_has_findings_all_the_same() {
-    let all = ["table", "speedup", "power_law", "pareto", "sensitivity"];
+    let all = ["table", "speedup", "power_law", "exponents", "pareto", "sensitivity"];
     for finding in findings(&Digest::of(&study(&["cores"], &all, &[]))) {
         assert!(finding.sheet.rows.is_empty() && finding.plot.is_none(), "{}", finding.name);
         assert!(!finding.sheet.markdown().is_empty());

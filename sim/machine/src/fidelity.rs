@@ -29,7 +29,7 @@ pub enum Fidelity {
 const SAMPLING: &[OptionSpec] = &[
     OptionSpec {
         name: "error",
-        about: "half of the interval, with 95 % confidence, that the choice of tasks may add to a step, of all time until its end; where it is wider, more are timed",
+        about: "how much the choice of tasks may add to the ± of a step, as a part of all time until its end; where it would be more, more tasks are timed",
         values: Values::Percent(1, 50),
         default: "5%",
         tacit: false,

@@ -7,7 +7,8 @@ use crate::reference::shadow_rays;
 use crate::scene::{Procedural, load_scene};
 
 fn generated(name: &str) -> Mesh {
-    procedural::build(&Procedural { procedural: name.to_owned(), seed: 1, detail: 1 }).expect("there")
+    procedural::build(&Procedural { procedural: name.to_owned(), seed: 1, detail: 1, pieces: 1 })
+        .expect("there")
 }
 
 #[test]

@@ -265,6 +265,7 @@ fn an_exported_mesh_reads_back_the_same() {
         procedural: "tiny".to_owned(),
         seed: 1,
         detail: 1,
+        pieces: 1,
     })
     .expect("tiny exists");
     prepare(&mut mesh);

@@ -6,6 +6,7 @@ mod fern;
 mod furnish;
 mod furniture;
 mod palm;
+mod plates;
 mod random;
 mod saloon;
 mod saloon_hall;
@@ -24,7 +25,8 @@ use crate::mesh::Mesh;
 use crate::scene::{Procedural, SceneError};
 
 /// Names of the generators.
-pub const NAMES: [&str; 8] = ["cornell", "fern", "palm", "saloon", "saloon-hall", "street", "table", "tiny"];
+pub const NAMES: [&str; 9] =
+    ["cornell", "fern", "palm", "plates", "saloon", "saloon-hall", "street", "table", "tiny"];
 
 /// Makes the mesh that a scene file asks for.
 ///
@@ -35,6 +37,7 @@ pub fn build(request: &Procedural) -> Result<Mesh, SceneError> {
         "cornell" => Ok(cornell::cornell()),
         "fern" => Ok(fern::fern(request.seed, request.detail)),
         "palm" => Ok(palm::palm(request.seed, request.detail)),
+        "plates" => Ok(plates::plates(request.detail, request.pieces)),
         "saloon" => Ok(saloon::saloon(request.seed, request.detail)),
         "saloon-hall" => Ok(saloon_hall::saloon_hall(request.seed, request.detail)),
         "street" => Ok(street::street(request.seed, request.detail)),

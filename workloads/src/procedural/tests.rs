@@ -4,7 +4,7 @@ use super::*;
 use crate::adjacency::{Adjacency, prepare};
 
 fn request(name: &str, seed: u32, detail: u32) -> Procedural {
-    Procedural { procedural: name.to_owned(), seed, detail }
+    Procedural { procedural: name.to_owned(), seed, detail, pieces: 1 }
 }
 
 #[test]
@@ -57,5 +57,20 @@ fn bodies_of_generators_are_wound_outward() {
         }
         let inward = volumes.values().filter(|(_, volume)| *volume <= 0.0).count();
         assert_eq!(inward, 0, "{name}: of {} bodies", volumes.len());
+    }
+}
+
+#[test]
+fn plates_have_the_triangles_and_edges_that_were_asked_for() {
+    for (detail, pieces) in [(1, 1), (1, 16), (2, 4), (4, 8)] {
+        let mut mesh =
+            build(&Procedural { pieces, ..request("plates", 1, detail) }).expect("a divisor of 16");
+        prepare(&mut mesh);
+        let triangles = 12 + 1024 * detail * detail + 128 * pieces * (8 + detail);
+        assert_eq!(mesh.triangles.len() as u32, triangles, "{detail} {pieces}");
+        // A body for each piece, and the floor.
+        let adjacency = Adjacency::new(&mesh);
+        let bodies = adjacency.component.iter().max().expect("triangles") + 1;
+        assert_eq!(bodies, 1 + pieces * pieces);
     }
 }

@@ -1,10 +1,11 @@
 //! Scenes inside the binary.
 
 /// Name and text of each shipped scene, in alphabetical order.
-const SCENES: [(&str, &str); 11] = [
+const SCENES: [(&str, &str); 12] = [
     ("cornell", include_str!("../../../configs/scenes/cornell.json")),
     ("fern", include_str!("../../../configs/scenes/fern.json")),
     ("palm", include_str!("../../../configs/scenes/palm.json")),
+    ("plates", include_str!("../../../configs/scenes/plates.json")),
     ("saloon", include_str!("../../../configs/scenes/saloon.json")),
     ("saloon-orbit", include_str!("../../../configs/scenes/saloon-orbit.json")),
     ("saloon-panel", include_str!("../../../configs/scenes/saloon-panel.json")),

@@ -52,10 +52,19 @@ pub struct Procedural {
     /// Fineness of round parts: their sides are multiplied by this, in 1..=16. 1 if left out.
     #[serde(default = "one")]
     pub detail: u32,
+    /// How many pieces each way the plate of `plates` is cut into: 1, 2, 4, 8 or 16; no other generator cuts anything. 1 if left out.
+    #[serde(default = "one", skip_serializing_if = "is_one")]
+    pub pieces: u32,
 }
 
 fn one() -> u32 {
     1
+}
+
+// Serde hands over a reference.
+#[allow(clippy::trivially_copy_pass_by_ref)]
+fn is_one(number: &u32) -> bool {
+    *number == 1
 }
 
 impl fmt::Display for MeshSource {

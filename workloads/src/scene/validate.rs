@@ -24,10 +24,16 @@ const LIGHT_RADIUS_MAX: f64 = 1e9;
 /// # Errors
 /// [`SceneError::Value`] for the first value that is unsound.
 pub fn validate(file: &SceneFile) -> Result<(), SceneError> {
-    if let MeshSource::Procedural(p) = &file.mesh
-        && !(1..=16).contains(&p.detail)
-    {
-        return Err(value("mesh.detail", p.detail, "in 1..=16"));
+    if let MeshSource::Procedural(p) = &file.mesh {
+        if !(1..=16).contains(&p.detail) {
+            return Err(value("mesh.detail", p.detail, "in 1..=16"));
+        }
+        if p.procedural != "plates" && p.pieces != 1 {
+            return Err(value("mesh.pieces", p.pieces, "1: only `plates` is cut into pieces"));
+        }
+        if ![1, 2, 4, 8, 16].contains(&p.pieces) {
+            return Err(value("mesh.pieces", p.pieces, "1, 2, 4, 8 or 16"));
+        }
     }
     camera(&file.camera)?;
     image(file.image)?;

@@ -19,13 +19,16 @@ const PER_THREAD: f64 = 1.25;
 const CHUNKS_MIN: f64 = 120.0;
 
 /// Neighbors that are timed together at most: what one of them has in its caches the next may need.
-const GROUP_MAX: usize = 16;
+const GROUP_MAX: usize = 8;
 
 /// Groups of neighbors at least, as far as there are so many chunks.
 const GROUPS_MIN: usize = 12;
 
 /// Tasks of the first chunk of each thread that are timed: what is cold is cold for them.
 const FIRST_TASKS: u32 = 1;
+
+/// Chunks of the pilot.
+const PILOT: usize = 16;
 
 /// Steps of which more than this would be timed are timed whole.
 const WHOLE_SHARE: f64 = 0.8;
@@ -50,6 +53,8 @@ pub(super) struct Chunks {
     timed: Vec<u32>,
     /// Groups of neighbors so far.
     groups: usize,
+    /// The chunks of the pilot, in order.
+    pilot: Vec<usize>,
 }
 
 /// Mixes bits (splitmix64).
@@ -67,7 +72,7 @@ impl Chunks {
             starts.push(starts[starts.len() - 1] + length);
         }
         let timed = starts[..lengths.len()].to_vec();
-        Chunks { starts, threads, seed: hash(seed), timed, groups: 0 }
+        Chunks { starts, threads, seed: hash(seed), timed, groups: 0, pilot: Vec::new() }
     }
 
     fn count(&self) -> usize {
@@ -75,31 +80,71 @@ impl Chunks {
     }
 
     /// What is timed first, in order: the first chunk of each thread in part, groups in the middle, and the last chunk of each
-    /// thread, so that the others are not alone while they run. `None`: all chunks.
-    pub(super) fn first_round(&mut self) -> Option<Vec<Part>> {
-        let middle = self.threads..self.count().saturating_sub(self.threads);
-        let least = (PER_THREAD * self.threads as f64).max(CHUNKS_MIN);
-        let wanted = (self.count() as f64 * SHARE).max(least) as usize;
-        if (wanted + 2 * self.threads) as f64 > WHOLE_SHARE * self.count() as f64 {
-            return None;
-        }
+    /// thread, so that the others are not alone while they run.
+    pub(super) fn first_round(&mut self) -> Vec<Part> {
+        let middle = self.middle();
         let mut parts: Vec<Part> = (0..self.threads).map(|chunk| self.part(chunk, FIRST_TASKS)).collect();
-        let all: Vec<usize> = middle.clone().collect();
-        parts.extend(self.groups(&all, wanted));
+        let all: Vec<usize> = middle.clone().filter(|chunk| !self.is_taken(*chunk)).collect();
+        parts.extend(self.groups(&all, self.wanted()));
         parts.extend((middle.end..self.count()).map(|chunk| self.part(chunk, u32::MAX)));
-        Some(parts)
+        parts
+    }
+
+    /// Whether there are so few that all are timed.
+    pub(super) fn are_few(&self) -> bool {
+        (self.wanted() + 2 * self.threads) as f64 > WHOLE_SHARE * self.count() as f64
+    }
+
+    /// Groups of neighbors that are wanted first, in chunks.
+    fn wanted(&self) -> usize {
+        let least = (PER_THREAD * self.threads as f64).max(CHUNKS_MIN);
+        (self.count() as f64 * SHARE).max(least) as usize
+    }
+
+    /// The chunks between the first and the last of each thread.
+    fn middle(&self) -> Range<usize> {
+        self.threads..self.count().saturating_sub(self.threads)
+    }
+
+    /// Chunks here and there that are never timed: what they have to do tells how much the step has.
+    pub(super) fn pilot(&mut self) -> Vec<Part> {
+        let middle = self.middle();
+        for number in 0..PILOT {
+            let share = middle.len() * number / PILOT..middle.len() * (number + 1) / PILOT;
+            if !share.is_empty() {
+                let at = hash(self.seed ^ !(number as u64)) % share.len() as u64;
+                self.pilot.push(middle.start + share.start + at as usize);
+            }
+        }
+        let part = |chunk: &usize| Part {
+            chunk: *chunk,
+            tasks: self.starts[*chunk]..self.starts[chunk + 1],
+            group: 0,
+        };
+        self.pilot.iter().map(part).collect()
+    }
+
+    /// All chunks but those of the pilot, in order.
+    pub(super) fn all_but_pilot(&mut self) -> Vec<Part> {
+        let all: Vec<usize> = (0..self.count()).filter(|chunk| !self.is_taken(*chunk)).collect();
+        self.groups(&all, all.len())
+    }
+
+    /// Whether any of the tasks of a chunk are timed, or it is one of the pilot's.
+    fn is_taken(&self, chunk: usize) -> bool {
+        self.timed[chunk] > self.starts[chunk] || self.pilot.binary_search(&chunk).is_ok()
     }
 
     /// As many chunks more as are timed so far, or those that are left; none where they are fewer than threads.
     pub(super) fn next_round(&mut self) -> Vec<Part> {
         self.seed = hash(self.seed);
-        let is_timed = |chunk: &usize| self.timed[*chunk] > self.starts[*chunk];
-        let (timed, left): (Vec<usize>, Vec<usize>) = (0..self.count()).partition(is_timed);
+        let (taken, left): (Vec<usize>, Vec<usize>) =
+            (0..self.count()).partition(|chunk| self.is_taken(*chunk));
         // Fewer than threads would not have a core as full as the others had.
         if left.len() < self.threads {
             return Vec::new();
         }
-        self.groups(&left, timed.len())
+        self.groups(&left, taken.len() - self.pilot.len())
     }
 
     /// Groups of neighbors among `chunks`, some `wanted` in all: one at a hashed place of each of as many equal shares.
@@ -145,9 +190,10 @@ impl Chunks {
         self.timed.iter().zip(&self.starts[1..]).map(|(timed, end)| end - timed)
     }
 
-    /// What is not timed.
+    /// What is not timed and was not in the pilot.
     pub(super) fn untimed(&self) -> Vec<Part> {
         (0..self.count())
+            .filter(|chunk| self.pilot.binary_search(chunk).is_err())
             .map(|chunk| Part { chunk, tasks: self.timed[chunk]..self.starts[chunk + 1], group: 0 })
             .filter(|part| !part.tasks.is_empty())
             .collect()

@@ -49,6 +49,10 @@ impl Sampling {
 /// Rounds of timing at most: each after the first doubles what is timed.
 const ROUNDS_MAX: u32 = 5;
 
+/// Steps of fewer uops than this, as far as a pilot tells, are timed whole but for the pilot: a few of their chunks may have most of
+/// the uops, and it takes next to no time.
+const SHORT_UOPS: f64 = 2e6;
+
 /// A chip that times some of the tasks of each step.
 pub(crate) struct Sampled {
     chip: Chip<Durations>,
@@ -64,6 +68,7 @@ pub(crate) struct Sampled {
 }
 
 /// What is known of a step under way.
+#[derive(Default)]
 struct Sample {
     /// The sum over all that was timed.
     timed: StepReport,
@@ -75,8 +80,14 @@ struct Sample {
     ready: f64,
     /// The chunks that tell the rate.
     told: Vec<Told>,
-    /// What ran in between because tasks must be run in order.
+    /// What ran in between because tasks must be run in order, or ahead in the pilot, or in the end.
     skipped: Skipped,
+}
+
+/// When the last thread is done with its tasks.
+struct Arrival {
+    cycles: f64,
+    variance: f64,
 }
 
 /// What tasks did that were run and not timed.
@@ -100,6 +111,62 @@ impl Sampled {
             has_skipped: false,
             activity: vec![CoreActivity::default(); spec.cores as usize],
         }
+    }
+
+    /// Times all of a step.
+    fn time_whole(&mut self, tasks: &dyn TaskSource) -> Result<StepReport, Stuck> {
+        let mut report = self.chip.run_step(tasks)?;
+        if self.has_skipped {
+            // What earlier steps would have left in caches is not there.
+            let deviation = report.cycles as f64 * rate::model(&report.cycle_stack);
+            report.cycles_variance = (deviation * deviation) as u64;
+        }
+        self.activity.copy_from_slice(self.chip.activity());
+        self.now += report.cycles;
+        Ok(report)
+    }
+
+    /// Runs the pilot of a step, and tells whether there are so few uops that all others are to be timed.
+    fn is_short(&self, tasks: &dyn TaskSource, chunks: &mut Chunks, skipped: &mut Skipped) -> bool {
+        let pilot = chunks.pilot();
+        skipped.run_all(tasks, &pilot, self.host_threads);
+        let of_pilot: usize = pilot.iter().map(|part| part.tasks.len()).sum();
+        let uops = skipped.counts.total() as f64 * (f64::from(tasks.tasks()) / of_pilot.max(1) as f64);
+        uops <= SHORT_UOPS
+    }
+
+    /// Times some chunks, and more of them until the interval is as narrow as asked.
+    fn time_some(
+        &mut self,
+        tasks: &dyn TaskSource,
+        chunks: &mut Chunks,
+        sample: &mut Sample,
+    ) -> Result<(), Stuck> {
+        let threads = f64::from(self.spec.threads_for(tasks.tasks()));
+        let asked = f64::from(self.sampling.error_percent) / 100.0;
+        let (first, ends) = (chunks.first_round(), threads as usize);
+        self.time(tasks, &first, ends..first.len() - ends, sample)?;
+        for _ in 1..ROUNDS_MAX {
+            // As if the tasks that are left were as long as those that were timed.
+            let rate = sample.rate();
+            let (timed_tasks, timed_uops) = (sample.timed.tasks as f64, sample.uops as f64);
+            let more = 1.0 / chunks.timed_share() - 1.0;
+            let choice = rate.choice_deviation(more * timed_tasks, more * timed_uops) / threads;
+            let all = (1.0 + more) * rate.cycles(timed_tasks, timed_uops) / threads;
+            // The longer the longest chunk is, the likelier it is the last to be done.
+            let longest = rate.longest_cycles();
+            let tail = rate::TAIL * longest * (longest / all.max(1.0)).min(1.0);
+            let half = NORMAL_95 * (choice * choice + tail * tail).sqrt();
+            if half <= asked * (self.now as f64 + all) || tasks.is_ordered() {
+                break;
+            }
+            let more = chunks.next_round();
+            if more.is_empty() {
+                break;
+            }
+            self.time(tasks, &more, 0..more.len(), sample)?;
+        }
+        Ok(())
     }
 
     /// Times `parts` of `tasks`, of which those of numbers in `measured` tell the rate.
@@ -133,6 +200,77 @@ impl Sampled {
     }
 }
 
+impl Sample {
+    fn rate(&self) -> Rate {
+        Rate::of(&self.told, self.uops, &self.timed.cycle_stack)
+    }
+
+    /// Tasks and uops, all together, of what was not timed.
+    fn untimed(&self, tasks: u32) -> (f64, f64) {
+        ((u64::from(tasks) - self.timed.tasks) as f64, self.skipped.counts.total() as f64)
+    }
+
+    /// What is expected of a step of which all but a pilot was timed at once, in order.
+    fn arrival_nearly_whole(&self, tasks: u32, threads: u32, barrier: Cycle) -> Arrival {
+        let (rate, (untimed_tasks, untimed_uops)) = (self.rate(), self.untimed(tasks));
+        let pilot = rate.cycles(untimed_tasks, untimed_uops) / f64::from(threads);
+        let choice = rate.choice_deviation(untimed_tasks, untimed_uops) / f64::from(threads);
+        let cycles = (self.timed.cycles - barrier) as f64 + pilot;
+        // What earlier steps would have left in caches is not there.
+        let model = cycles * rate::model(&self.timed.cycle_stack);
+        Arrival { cycles, variance: choice * choice + model * model }
+    }
+
+    /// What is expected of a step of which some chunks were timed, when all go to the first of `threads` threads on so many cores that
+    /// is free.
+    fn arrival(&self, chunks: &Chunks, tasks: u32, [threads, cores]: [u32; 2]) -> Arrival {
+        let rate = self.rate();
+        let mut left: Vec<(u32, u64)> = chunks.left().map(|tasks| (tasks, 0)).collect();
+        for (task, uops) in &self.skipped.uops {
+            left[chunks.chunk_of(*task)].1 += uops;
+        }
+        let [least, most] = [0, 1].map(|bound| {
+            let of_chunk = |(cycles, (tasks, uops)): (&f64, &(u32, u64))| {
+                cycles + rate.bounds(f64::from(*tasks), *uops as f64)[bound]
+            };
+            let durations: Vec<f64> = self.cycles.iter().zip(&left).map(of_chunk).collect();
+            let makespan = schedule::makespan(durations.iter().copied(), [threads, cores], self.ready);
+            (makespan, durations.iter().sum::<f64>() / f64::from(threads))
+        });
+        let cycles = 0.5 * (least.0 + most.0);
+        let (untimed_tasks, untimed_uops) = self.untimed(tasks);
+        let choice = rate.choice_deviation(untimed_tasks, untimed_uops) / f64::from(threads);
+        // What is timed finds caches colder than it would, too.
+        let model = rate.model_deviation() * cycles;
+        let tail = rate::TAIL * (cycles - 0.5 * (least.1 + most.1)).max(0.0) * (1.0 - chunks.timed_share());
+        // Anywhere between both, with equal chance.
+        let beyond = (most.0 - least.0) / 12.0_f64.sqrt();
+        Arrival { cycles, variance: choice * choice + model * model + tail * tail + beyond * beyond }
+    }
+
+    /// The report of a step of so many tasks, all of which have run.
+    fn report(&self, tasks: u32, arrival: &Arrival, barrier: Cycle, spec: &MachineSpec) -> StepReport {
+        let cycles = arrival.cycles.round() as Cycle + barrier;
+        // A task that is too long to be recorded leaves none; that run is refused.
+        let (untimed_tasks, untimed_uops) = self.untimed(tasks);
+        let more = untimed_uops / self.uops.max(1) as f64;
+        let cores = u64::from(spec.cores);
+        let mut report =
+            extrapolate(&self.timed, cycles, 1.0 + more, [cores * (cycles - barrier), cores * barrier]);
+        report.cycles_variance = arrival.variance as u64;
+        let mut untimed = StepReport::of_counts(untimed_tasks as u32, &self.skipped.counts);
+        // The others hold what their registers do not in memory too, and functional runs do not count that.
+        for class in [Class::SpillStore, Class::SpillLoad] {
+            let spills = self.timed.class_counts[class as usize] as f64 * more;
+            untimed.class_counts[class as usize] = spills.round() as u64;
+            untimed.issued += spills.round() as u64;
+        }
+        report += untimed;
+        report.paired = report.issued.saturating_sub(report.cycle_stack.issue);
+        report
+    }
+}
+
 impl Skipped {
     /// Runs and counts the tasks of `parts`, on several host threads unless they are ordered.
     fn run_all(&mut self, tasks: &dyn TaskSource, parts: &[Part], host_threads: usize) {
@@ -156,91 +294,34 @@ impl Timing for Sampled {
         let lengths = chunk_lengths(tasks.tasks(), threads, &self.spec);
         let seed = u64::from(self.sampling.seed) << 32 | u64::from(self.steps);
         let mut chunks = Chunks::new(&lengths, threads as usize, seed);
-        let Some(first) = chunks.first_round() else {
-            let mut report = self.chip.run_step(tasks)?;
-            if self.has_skipped {
-                // What earlier steps would have left in caches is not there.
-                let deviation = report.cycles as f64 * rate::model(&report.cycle_stack);
-                report.cycles_variance = (deviation * deviation) as u64;
-            }
-            self.activity.copy_from_slice(self.chip.activity());
-            self.now += report.cycles;
-            return Ok(report);
-        };
-
-        // Some are timed, until the interval is as narrow as asked.
-        let mut sample = Sample {
-            timed: StepReport::default(),
-            uops: 0,
-            cycles: vec![0.0; lengths.len()],
-            ready: 0.0,
-            told: Vec::new(),
-            skipped: Skipped::default(),
-        };
-        let ends = threads as usize;
-        self.time(tasks, &first, ends..first.len() - ends, &mut sample)?;
-        let asked = f64::from(self.sampling.error_percent) / 100.0;
-        let mut rate = Rate::of(&sample.told, &sample.timed.cycle_stack);
-        for _ in 1..ROUNDS_MAX {
-            // As if the tasks that are left were as long as those that were timed.
-            let timed = rate.cycles(sample.timed.tasks as f64, sample.uops as f64) / f64::from(threads);
-            let left = (1.0 / chunks.timed_share() - 1.0) * timed;
-            let end = self.now as f64 + timed + left;
-            let is_narrow = NORMAL_95 * rate.choice_deviation() * left <= asked * end;
-            if is_narrow || tasks.is_ordered() {
-                break;
-            }
-            let more = chunks.next_round();
-            if more.is_empty() {
-                break;
-            }
-            self.time(tasks, &more, 0..more.len(), &mut sample)?;
-            rate = Rate::of(&sample.told, &sample.timed.cycle_stack);
+        if chunks.are_few() {
+            return self.time_whole(tasks);
         }
 
+        let mut sample = Sample { cycles: vec![0.0; lengths.len()], ..Sample::default() };
+        // Tasks that are run in order cannot be run ahead.
+        let is_short = !tasks.is_ordered() && self.is_short(tasks, &mut chunks, &mut sample.skipped);
+        if is_short {
+            let all = chunks.all_but_pilot();
+            self.time(tasks, &all, 0..all.len(), &mut sample)?;
+        } else {
+            self.time_some(tasks, &mut chunks, &mut sample)?;
+        }
         // The others are run and counted; those of ordered steps were on the way to the last chunk, which is timed.
         self.has_skipped = true;
         if !tasks.is_ordered() {
             sample.skipped.run_all(tasks, &chunks.untimed(), self.host_threads);
         }
-        let Sample { timed, uops, cycles, ready, skipped, .. } = sample;
-        let mut left: Vec<(u32, u64)> = chunks.left().map(|tasks| (tasks, 0)).collect();
-        for (task, uops) in &skipped.uops {
-            left[chunks.chunk_of(*task)].1 += uops;
-        }
-        let durations: Vec<f64> = cycles
-            .iter()
-            .zip(left)
-            .map(|(cycles, (tasks, uops))| cycles + rate.cycles(tasks.into(), uops as f64))
-            .collect();
         let barrier = self.chip.observer().barrier_cycles();
-        let makespan = schedule::makespan(durations.iter().copied(), [threads, self.spec.cores], ready);
-        let cycles = makespan.round() as Cycle + barrier;
-
-        let untimed_uops = skipped.counts.total();
-        let untimed_tasks = u64::from(tasks.tasks()) - timed.tasks;
-        let extrapolated = rate.cycles(untimed_tasks as f64, untimed_uops as f64) / f64::from(threads);
-        // A task that is too long to be recorded leaves none; that run is refused.
-        let more = untimed_uops as f64 / uops.max(1) as f64;
-        let running = u64::from(self.spec.cores) * (cycles - barrier);
-        let mut report =
-            extrapolate(&timed, cycles, 1.0 + more, [running, u64::from(self.spec.cores) * barrier]);
-        let deviation = extrapolated * rate.deviation();
-        let tail = (makespan - durations.iter().sum::<f64>() / f64::from(threads)).max(0.0);
-        let of_tail = tail * (1.0 - chunks.timed_share()) * rate::TAIL;
-        report.cycles_variance = (deviation * deviation + of_tail * of_tail) as u64;
+        let arrival = if is_short {
+            sample.arrival_nearly_whole(tasks.tasks(), threads, barrier)
+        } else {
+            sample.arrival(&chunks, tasks.tasks(), [threads, self.spec.cores])
+        };
+        let mut report = sample.report(tasks.tasks(), &arrival, barrier, &self.spec);
         report.atomics.task_pulls = lengths.len() as u64 + u64::from(threads);
-        let mut untimed = StepReport::of_counts(untimed_tasks as u32, &skipped.counts);
-        // The others hold what their registers do not in memory too, and functional runs do not count that.
-        for class in [Class::SpillStore, Class::SpillLoad] {
-            let spills = timed.class_counts[class as usize] as f64 * more;
-            untimed.class_counts[class as usize] = spills.round() as u64;
-            untimed.issued += spills.round() as u64;
-        }
-        report += untimed;
-        report.paired = report.issued.saturating_sub(report.cycle_stack.issue);
-        self.now += cycles;
-        share_out(&mut self.activity, &report, cycles - barrier);
+        self.now += report.cycles;
+        share_out(&mut self.activity, &report, report.cycles - barrier);
         Ok(report)
     }
 

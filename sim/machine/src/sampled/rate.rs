@@ -20,6 +20,9 @@ pub(super) const INDEPENDENT: f64 = 0.75;
 /// Cycles for each task are told from those for each uop where chunks differ by this part, squared, in uops for each task.
 const ALIKE: f64 = 0.01;
 
+/// How many times as long as the longest chunk that tells a rate others may be before it is not trusted to hold for them.
+const TRUSTED: f64 = 2.0;
+
 /// A chunk that tells a rate, or several.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Told {
@@ -35,54 +38,85 @@ pub(super) struct Told {
     pub(super) group: usize,
 }
 
-/// Cycles of a thread for each task and for each uop that is no spill.
-#[derive(Debug, Clone, Copy)]
+/// Cycles of a thread for each task and for each uop that is no spill, and how far they may be off.
+#[derive(Debug, Clone)]
 pub(super) struct Rate {
-    task: f64,
-    uop: f64,
-    /// Relative standard deviation that comes of the choice of chunks.
-    choice: f64,
+    all: Fit,
+    /// What the rate would be without each group of neighbors, which have data, and so errors, in common.
+    without: Vec<Fit>,
     /// Relative standard deviation that comes of the model.
     model: f64,
+    /// Uops and cycles of the longest chunk of all, each for itself.
+    longest: [f64; 2],
+    /// Cycles in which a core issues, for each uop: no thread is done sooner with it.
+    issue: f64,
+}
+
+/// Cycles for each task and for each uop.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Fit {
+    task: f64,
+    uop: f64,
 }
 
 impl Rate {
-    /// The rate of `chunks`, in which the chip has spent its time on the causes of `stack`.
-    pub(super) fn of(chunks: &[Told], stack: &CycleStack) -> Rate {
-        let Told { cycles, doubt, .. } = sum(chunks);
-        let [task, uop] = fit(chunks);
-        let mut rate = Rate { task, uop, choice: 0.0, model: 0.0 };
-        // Neighbors have data, and so errors, in common.
-        let (mut count, mut squares) = (0.0_f64, 0.0);
-        for group in chunks.chunk_by(|a, b| a.group == b.group).map(sum) {
-            let error = group.cycles - rate.cycles(group.tasks, group.uops);
-            (count, squares) = (count + 1.0, squares + error * error);
-        }
-        // Of few groups the deviation itself is uncertain: that of Student's distribution with as many degrees of freedom as there are
-        // more of them than numbers that were fitted.
-        let fitted = if task > 0.0 { 2.0 } else { 1.0 };
-        let freedom = (count - fitted - 2.0).max(1.0);
-        rate.choice = (squares * count / freedom).sqrt() / cycles.max(1.0);
+    /// The rate of `chunks`, told by a run of so many `uops` in which the chip has spent its time on the causes of `stack`.
+    pub(super) fn of(chunks: &[Told], uops: u64, stack: &CycleStack) -> Rate {
+        let all = Sums::of(chunks);
+        let without =
+            chunks.chunk_by(|a, b| a.group == b.group).map(|group| (all - Sums::of(group)).fit()).collect();
         let data = model(stack);
-        let ends = doubt / cycles.max(1.0);
-        rate.model = (data * data + ends * ends).sqrt();
-        rate
+        let ends = all.doubt / all.cycles.max(1.0);
+        Rate {
+            all: all.fit(),
+            without,
+            model: (data * data + ends * ends).sqrt(),
+            longest: chunks
+                .iter()
+                .fold([0.0; 2], |[uops, cycles], chunk| [chunk.uops.max(uops), chunk.cycles.max(cycles)]),
+            issue: stack.issue as f64 / uops.max(1) as f64,
+        }
     }
 
     /// Cycles of a thread for some tasks, which have so many uops together.
     pub(super) fn cycles(&self, tasks: f64, uops: f64) -> f64 {
+        self.all.cycles(tasks, uops)
+    }
+
+    /// Cycles of a thread for tasks of one chunk that is not timed, at least and at most. For how much longer it is than [`TRUSTED`] times the
+    /// longest chunk that tells the rate, it takes anything from what its core takes to issue that to what the rate says.
+    pub(super) fn bounds(&self, tasks: f64, uops: f64) -> [f64; 2] {
+        let most = self.cycles(tasks, uops).max(uops * self.issue);
+        let beyond = (uops - TRUSTED * self.longest[0]).max(0.0);
+        [(most - beyond * self.all.uop).max(uops * self.issue), most]
+    }
+
+    /// Cycles of the longest chunk that tells the rate.
+    pub(super) fn longest_cycles(&self) -> f64 {
+        self.longest[1]
+    }
+
+    /// Standard deviation of [`Rate::cycles`] that comes of the choice of chunks alone: a jackknife over groups.
+    pub(super) fn choice_deviation(&self, tasks: f64, uops: f64) -> f64 {
+        let count = self.without.len() as f64;
+        let cycles = || self.without.iter().map(|fit| fit.cycles(tasks, uops));
+        let mean = cycles().sum::<f64>() / count.max(1.0);
+        let squares: f64 = cycles().map(|cycles| (cycles - mean) * (cycles - mean)).sum();
+        // Of few groups the deviation itself is uncertain: that of Student's distribution with as many degrees of freedom as there are
+        // more of them than numbers that were fitted.
+        let freedom = count - if self.all.task > 0.0 { 2.0 } else { 1.0 };
+        (squares * (count - 1.0) / count.max(1.0) * (freedom / (freedom - 2.0).max(1.0)).max(1.0)).sqrt()
+    }
+
+    /// Relative standard deviation of a time that comes of the model.
+    pub(super) fn model_deviation(&self) -> f64 {
+        self.model
+    }
+}
+
+impl Fit {
+    fn cycles(self, tasks: f64, uops: f64) -> f64 {
         tasks * self.task + uops * self.uop
-    }
-
-    /// Relative standard deviation of the rate that comes of the choice alone.
-    pub(super) fn choice_deviation(&self) -> f64 {
-        self.choice
-    }
-
-    /// Relative standard deviation of the rate.
-    pub(super) fn deviation(&self) -> f64 {
-        // No `hypot`, which hosts round as they like.
-        (self.choice * self.choice + self.model * self.model).sqrt()
     }
 }
 
@@ -119,39 +153,66 @@ pub(super) fn speed_up(ready: f64, threads: usize, of: usize) -> f64 {
     1.0 + INDEPENDENT * (issue_share(ready, threads) / issue_share(ready, of) - 1.0)
 }
 
-/// Cycles for each task and for each uop that `chunks` tell, by least squares. What a chunk is off by grows with the root of its uops; so
-/// the cycles of all of them together are met.
-///
-/// A task that does next to nothing has its first lines to wait for all the same: by uops alone, a long task among many short ones would
-/// seem to take far too long.
-fn fit(chunks: &[Told]) -> [f64; 2] {
-    let Told { tasks, uops, cycles, .. } = sum(chunks);
-    let (mut squares, mut products) = (0.0, 0.0);
-    for chunk in chunks {
-        let per_uops = chunk.tasks / chunk.uops.max(1.0);
-        squares += chunk.tasks * per_uops;
-        products += chunk.cycles * per_uops;
-    }
-    let by_uops = cycles / uops.max(1.0);
-    let determinant = squares * uops - tasks * tasks;
-    // Chunks that are all alike do not tell the two apart.
-    if determinant <= ALIKE * tasks * tasks {
-        return [0.0, by_uops];
-    }
-    let task = (products * uops - cycles * tasks) / determinant;
-    if task <= 0.0 {
-        return [0.0, by_uops];
-    }
-    let uop = (cycles - task * tasks) / uops.max(1.0);
-    if uop < 0.0 { [cycles / tasks, 0.0] } else { [task, uop] }
+/// What a fit needs of some chunks.
+#[derive(Debug, Clone, Copy, Default)]
+struct Sums {
+    tasks: f64,
+    uops: f64,
+    cycles: f64,
+    doubt: f64,
+    /// The sums of tasks squared and of tasks times cycles, each over the uops.
+    squares: f64,
+    products: f64,
 }
 
-fn sum(chunks: &[Told]) -> Told {
-    chunks.iter().fold(Told::default(), |sum, chunk| Told {
-        tasks: sum.tasks + chunk.tasks,
-        uops: sum.uops + chunk.uops,
-        cycles: sum.cycles + chunk.cycles,
-        doubt: sum.doubt + chunk.doubt,
-        group: chunk.group,
-    })
+impl Sums {
+    fn of(chunks: &[Told]) -> Sums {
+        chunks.iter().fold(Sums::default(), |sums, chunk| {
+            let per_uops = chunk.tasks / chunk.uops.max(1.0);
+            Sums {
+                tasks: sums.tasks + chunk.tasks,
+                uops: sums.uops + chunk.uops,
+                cycles: sums.cycles + chunk.cycles,
+                doubt: sums.doubt + chunk.doubt,
+                squares: sums.squares + chunk.tasks * per_uops,
+                products: sums.products + chunk.cycles * per_uops,
+            }
+        })
+    }
+
+    /// Cycles for each task and for each uop, by least squares. What a chunk is off by grows with the root of its uops; so the cycles of
+    /// all of them together are met.
+    ///
+    /// A task that does next to nothing has its first lines to wait for all the same: by uops alone, a long task among many short ones would
+    /// seem to take far too long.
+    fn fit(self) -> Fit {
+        let Sums { tasks, uops, cycles, squares, products, .. } = self;
+        let by_uops = Fit { task: 0.0, uop: cycles / uops.max(1.0) };
+        let determinant = squares * uops - tasks * tasks;
+        // Chunks that are all alike do not tell the two apart.
+        if determinant <= ALIKE * tasks * tasks {
+            return by_uops;
+        }
+        let task = (products * uops - cycles * tasks) / determinant;
+        if task <= 0.0 {
+            return by_uops;
+        }
+        let uop = (cycles - task * tasks) / uops.max(1.0);
+        if uop < 0.0 { Fit { task: cycles / tasks, uop: 0.0 } } else { Fit { task, uop } }
+    }
+}
+
+impl std::ops::Sub for Sums {
+    type Output = Sums;
+
+    fn sub(self, other: Sums) -> Sums {
+        Sums {
+            tasks: self.tasks - other.tasks,
+            uops: self.uops - other.uops,
+            cycles: self.cycles - other.cycles,
+            doubt: self.doubt - other.doubt,
+            squares: self.squares - other.squares,
+            products: self.products - other.products,
+        }
+    }
 }
