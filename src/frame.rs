@@ -13,7 +13,9 @@ use lrbsim_reports::run::{
 };
 use lrbsim_reports::{HostReport, picture::NOTHING_HIT};
 use lrbsim_workloads::glam::{DVec3, Vec3};
-use lrbsim_workloads::{Adjacency, EyeView, ImageSize, Scene, SceneWarning, ShadowInput, silhouette_edges};
+use lrbsim_workloads::{
+    Adjacency, EyeView, ImageSize, Pixels, Scene, SceneWarning, ShadowInput, silhouette_edges,
+};
 use rayon::prelude::*;
 
 use crate::algorithm::Algorithm;
@@ -485,7 +487,7 @@ pub(crate) fn scene_hash(scene: &Scene) -> String {
 
 impl Frame {
     /// Spreads the values of the receivers at `pixels` over a picture of this size.
-    pub(crate) fn new(size: ImageSize, pixels: &[u32], cosine: &[f32], visibility: &[f32]) -> Frame {
+    pub(crate) fn new(size: ImageSize, pixels: &Pixels, cosine: &[f32], visibility: &[f32]) -> Frame {
         assert_eq!(visibility.len(), pixels.len(), "one visibility a receiver");
         let ImageSize { width, height } = size;
         let frame = Frame { width, height, visibility: Vec::new(), reference: None, cosine: Vec::new() };
@@ -493,10 +495,10 @@ impl Frame {
     }
 
     /// A value for each pixel from one for each receiver.
-    fn spread(&self, pixels: &[u32], of_receivers: &[f32]) -> Vec<f32> {
+    fn spread(&self, pixels: &Pixels, of_receivers: &[f32]) -> Vec<f32> {
         let mut of_pixels = vec![NOTHING_HIT; self.width as usize * self.height as usize];
         for (pixel, value) in pixels.iter().zip(of_receivers) {
-            of_pixels[*pixel as usize] = *value;
+            of_pixels[pixel as usize] = *value;
         }
         of_pixels
     }

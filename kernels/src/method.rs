@@ -53,7 +53,7 @@ pub struct Shadows {
 
 /// What the picture at `visibility` has for the receivers of `input`, in their order.
 pub(crate) fn read(visibility: Addr, input: &ShadowInput, arena: &Arena) -> Vec<f32> {
-    let at = |&pixel: &u32| arena.read_f32(visibility.plus_words(u64::from(pixel)));
+    let at = |pixel: u32| arena.read_f32(visibility.plus_words(u64::from(pixel)));
     input.receiver_pixel.iter().map(at).collect()
 }
 

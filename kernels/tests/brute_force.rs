@@ -221,7 +221,7 @@ fn what_a_triangle_shadows_lies_within_its_bounds() {
             }
             shadowed += 1;
             let at =
-                input.receiver_pixel.iter().position(|of| *of == pixel).expect("a receiver has this pixel");
+                input.receiver_pixel.iter().position(|of| of == pixel).expect("a receiver has this pixel");
             let p = input.receivers[at].map(f64::from);
             let depth = p[face / 2] * sign;
             assert!(depth >= start, "triangle {number}: depth {depth} is before {start}");

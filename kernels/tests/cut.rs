@@ -111,7 +111,7 @@ fn samples_of_a_cut_light_are_hidden_that_are() {
                 let mut other = 0;
                 for (i, found) in found.iter().enumerate() {
                     let p = Vec3::from(input.receivers[i]).as_dvec3();
-                    let places = turned(&places(Outline::Disc, count), &turns, input.receiver_pixel[i]);
+                    let places = turned(&places(Outline::Disc, count), &turns, input.receiver_pixel.at(i));
                     let covered = occluders.covered_samples(p, input.receiver_triangle[i], &places);
                     let hidden = f64::from(count) * (1.0 - f64::from(*found));
                     other += usize::from((hidden - covered as f64).abs() > 0.01);

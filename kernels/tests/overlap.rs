@@ -27,7 +27,7 @@ fn agree(what: &str, input: &ShadowInput) {
         let (mut other, mut far) = (0, 0);
         for (i, found) in found.iter().enumerate() {
             let p = Vec3::from(input.receivers[i]).as_dvec3();
-            let places = turned(&places, &turns, input.receiver_pixel[i]);
+            let places = turned(&places, &turns, input.receiver_pixel.at(i));
             let covered = occluders.covered_samples(p, input.receiver_triangle[i], &places);
             let samples = (f64::from(*found) * f64::from(count) - (f64::from(count) - covered as f64)).abs();
             other += usize::from(samples > 0.01);

@@ -42,7 +42,7 @@ fn agree(what: &str, input: &ShadowInput) -> usize {
     let (mut partly, mut untold) = (0, 0);
     for (receiver, visible) in drawn.iter().enumerate() {
         let [s, t] = [0, 3].map(|k| DVec3::from(core::array::from_fn(|i| f64::from(spans[receiver][k + i]))));
-        let samples = turned(&places, &turns, input.receiver_pixel[receiver]);
+        let samples = turned(&places, &turns, input.receiver_pixel.at(receiver));
         let hits: Vec<Option<bool>> =
             samples.iter().map(|place| ray_hits(input, receiver, s * place.x + t * place.y)).collect();
         let least = hits.iter().filter(|hit| **hit == Some(true)).count();

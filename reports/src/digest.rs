@@ -1,8 +1,10 @@
 //! What tables, plots and pages of a study are drawn from: far less than its reports, which may be more than fit in memory.
 
+use lrbsim_machine::Cause;
+
 use crate::metric::{BIAS, ERROR_PLACES, MEAN_ERROR, Numbers};
 use crate::run::Warning;
-use crate::study::{StudyPoint, StudyReport};
+use crate::study::{AnalysisKind, StudyPoint, StudyReport};
 use crate::table::counted;
 
 /// Points whose whole reports a page holds: a browser shows some megabytes, not hundreds.
@@ -34,7 +36,7 @@ pub struct Digest {
     /// Paths of the numbers that analyses ask for, besides those of phases.
     paths: Vec<String>,
     /// The fields of all phases that analyses ask for.
-    fields: Vec<&'static str>,
+    fields: Vec<String>,
     /// The first warning of each kind, and how many points carry one of that kind.
     warnings: Vec<(Warning, usize)>,
 }
@@ -56,7 +58,11 @@ impl Digest {
             );
         }
         paths.extend(file.axes.iter().filter_map(|axis| axis.measure.clone()));
-        let mut fields: Vec<&str> = paths.iter().filter_map(|path| phase_field(path)).collect();
+        let mut fields: Vec<String> =
+            paths.iter().filter_map(|path| phase_field(path)).map(str::to_owned).collect();
+        if file.analysis.iter().any(|entry| entry.options().kind == AnalysisKind::Limits) {
+            fields.extend(Cause::ALL.map(|cause| format!("cycle_stack.{}", cause.name())));
+        }
         fields.sort_unstable();
         fields.dedup();
         Digest {

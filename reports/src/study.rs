@@ -197,7 +197,7 @@ pub enum Sampling {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(
     untagged,
-    expecting = "an analysis is one of \"table\", \"speedup\", \"power_law\", \"exponents\", \"pareto\", \"sensitivity\", \"published\", or {\"kind\": one of these, \"x\": PATH, \"y\": PATH}"
+    expecting = "an analysis is one of \"table\", \"speedup\", \"power_law\", \"limits\", \"exponents\", \"pareto\", \"sensitivity\", \"published\", or {\"kind\": one of these, \"x\": PATH, \"y\": PATH}"
 )]
 pub enum AnalysisEntry {
     /// An analysis with its usual options.
@@ -234,6 +234,8 @@ pub enum AnalysisKind {
     Speedup,
     /// The exponent of a power law through the points, with its confidence interval.
     PowerLaw,
+    /// What the cycles of each phase go to at the greatest x, beside how many times as fast it is there as at the least.
+    Limits,
     /// The exponents of each axis of numbers, the others as they are, for the whole and each phase, with their confidence intervals.
     Exponents,
     /// The points that no other beats in both numbers.

@@ -127,7 +127,7 @@ fn limits(bounds: &Bounds, cycles: Option<u64>) -> String {
 }
 
 /// The greatest of named parts of `all`, in percent; equal ones stay in their order.
-fn greatest(parts: impl Iterator<Item = (&'static str, u64)>, all: u64) -> String {
+pub(crate) fn greatest(parts: impl Iterator<Item = (&'static str, u64)>, all: u64) -> String {
     let mut parts: Vec<(&str, f64)> = parts
         .filter(|(_, cycles)| *cycles > 0)
         .map(|(name, cycles)| (name, cycles as f64 / all as f64))
@@ -156,7 +156,7 @@ fn waits(phase: &PhaseReport) -> String {
 }
 
 /// A cause as people read it.
-fn label(cause: Cause) -> &'static str {
+pub(crate) fn label(cause: Cause) -> &'static str {
     match cause {
         Cause::L1 => "L1",
         Cause::L2 => "L2",

@@ -6,7 +6,7 @@ use lrbsim_reports::picture::shaded_png;
 use lrbsim_reports::stability::{Measured, Off, OffRays};
 use lrbsim_workloads::glam::Vec3;
 use lrbsim_workloads::reference::{ErrorMetrics, Occluders, Truth};
-use lrbsim_workloads::{Adjacency, EyeView, Scene, ShadowInput};
+use lrbsim_workloads::{Adjacency, EyeView, Pixels, Scene, ShadowInput};
 
 use crate::algorithm::Algorithm;
 use crate::error::BadInput;
@@ -59,7 +59,7 @@ pub(super) fn judge(
         let few = ShadowInput {
             receivers: input.receivers.iter().step_by(step).copied().collect(),
             receiver_triangle: input.receiver_triangle.iter().step_by(step).copied().collect(),
-            receiver_pixel: input.receiver_pixel.iter().step_by(step).copied().collect(),
+            receiver_pixel: Pixels::new(&input.receiver_pixel.iter().step_by(step).collect::<Vec<u32>>()),
             ..input
         };
         of_input.visibility(&few)
@@ -90,7 +90,7 @@ pub(super) fn judge(
 fn picture(scene: &Scene, eye: &EyeView, visibility: &[f32]) -> Option<String> {
     let (width, height) = (eye.width, eye.height);
     (width.max(height) <= LOOKED_AT_MAX).then(|| {
-        let frame = Frame::new(scene.image, &eye.pixels, &cosines(scene, eye), visibility);
+        let frame = Frame::new(scene.image, &Pixels::new(&eye.pixels), &cosines(scene, eye), visibility);
         base64::encode(&shaded_png(width, height, &frame.visibility, &frame.cosine))
     })
 }

@@ -17,10 +17,12 @@ use crate::json::{self, Spots};
 use crate::settings::distance;
 
 /// Name and text of each shipped study.
-const STUDIES: [(&str, &str); 8] = [
+const STUDIES: [(&str, &str); 10] = [
     ("accuracy", include_str!("../../configs/studies/accuracy.json")),
     ("cores", include_str!("../../configs/studies/cores.json")),
     ("orbit", include_str!("../../configs/studies/orbit.json")),
+    ("scaling", include_str!("../../configs/studies/scaling.json")),
+    ("scaling-memory", include_str!("../../configs/studies/scaling-memory.json")),
     ("table1", include_str!("../../configs/studies/table1.json")),
     ("table2", include_str!("../../configs/studies/table2.json")),
     ("trade", include_str!("../../configs/studies/trade.json")),

@@ -19,6 +19,7 @@ mod camera;
 mod light;
 
 mod eye;
+mod pixels;
 mod shadow_input;
 
 pub mod scene;
@@ -37,6 +38,7 @@ pub use eye::EyeView;
 pub use fit::{FitInfo, Fitted, fit_scene, fit_view};
 pub use light::{Light, LightShape, Outline};
 pub use mesh::{Bounds, Mesh, ObjectRange};
+pub use pixels::Pixels;
 pub use preview::Preview;
 pub use scene::{
     MeshSource, Motion, Scene, SceneError, SceneFile, SceneName, SceneWarning, builtin_names, builtin_scene,

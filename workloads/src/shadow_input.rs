@@ -7,6 +7,7 @@ use crate::adjacency::{Adjacency, Aspect, Counting, CutTriangle, Stance, is_dege
 use crate::eye::EyeView;
 use crate::light::{Light, LightShape};
 use crate::mesh::Mesh;
+use crate::pixels::Pixels;
 use crate::scene::Scene;
 
 /// Everything the kernels put into simulated memory: plain data, light at the origin.
@@ -46,8 +47,8 @@ pub struct ShadowInput {
     pub receivers: Vec<[f32; 3]>,
     /// Triangle each receiver lies on, which does not shadow it.
     pub receiver_triangle: Vec<u32>,
-    /// Pixel of each receiver, `y * width + x`, ascending.
-    pub receiver_pixel: Vec<u32>,
+    /// Pixel of each receiver.
+    pub receiver_pixel: Pixels,
     /// Where a light is split, the inputs of this frame about its other parts; this one is about the first.
     pub others: Vec<ShadowInput>,
 }
@@ -110,7 +111,7 @@ impl ShadowInput {
             edge_faces: adjacency.edge_faces.iter().map(turn).collect(),
             receivers: eye.points.par_iter().map(|&p| scaled(p)).collect(),
             receiver_triangle: eye.triangles.par_iter().map(|&t| adjacency.stands_for[t as usize]).collect(),
-            receiver_pixel: eye.pixels.clone(),
+            receiver_pixel: Pixels::new(&eye.pixels),
             others: Vec::new(),
         }
     }

@@ -54,11 +54,11 @@ impl Receivers {
             fill(arena, columns.column(field!(Receiver.position[axis])), values);
         }
         drop(places);
-        let mut put = |field: Field<Receiver, u32>, values: &[u32]| {
-            fill(arena, columns.column(field), order.iter().map(|&i| values[i as usize]));
+        let mut put = |field: Field<Receiver, u32>, value: &dyn Fn(usize) -> u32| {
+            fill(arena, columns.column(field), order.iter().map(|&i| value(i as usize)));
         };
-        put(field!(Receiver.triangle), &triangles);
-        put(field!(Receiver.pixel), &input.receiver_pixel);
+        put(field!(Receiver.triangle), &|receiver| triangles[receiver]);
+        put(field!(Receiver.pixel), &|receiver| input.receiver_pixel.at(receiver));
         Receivers { viewpoint: Viewpoint::default(), columns, count }
     }
 
@@ -86,8 +86,8 @@ fn curve_order(input: &ShadowInput) -> Vec<u32> {
         return order;
     }
     let mut receivers = vec![NO_RECEIVER; width as usize * height as usize];
-    for (receiver, pixel) in (0..).zip(&input.receiver_pixel) {
-        receivers[*pixel as usize] = receiver;
+    for (receiver, pixel) in (0..).zip(input.receiver_pixel.iter()) {
+        receivers[pixel as usize] = receiver;
     }
     along_curve([width, height], [0, 0], side, [false; 2], &mut |x, y| {
         let receiver = receivers[y as usize * width as usize + x as usize];

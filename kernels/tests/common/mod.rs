@@ -624,7 +624,7 @@ pub fn agree(what: &str, input: &ShadowInput, choices: impl Into<Choices>) -> Ru
     assert_eq!(pipeline.len(), input.receivers.len(), "{what}: every receiver has its sums");
     let different: Vec<_> = brute.iter().filter(|(pixel, sums)| pipeline[*pixel] != **sums).collect();
     if let Some((pixel, sums)) = different.first() {
-        let at = input.receiver_pixel.iter().position(|p| p == *pixel).expect("a receiver");
+        let at = input.receiver_pixel.iter().position(|of| of == **pixel).expect("a receiver");
         panic!(
             "{what}: {} of {} receivers differ; pixel {pixel} at {:?} (radius {}) has {:?}, brute force {sums:?}",
             different.len(),

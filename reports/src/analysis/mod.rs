@@ -2,6 +2,7 @@
 
 mod exponents;
 mod fit;
+mod limits;
 mod pareto;
 mod power_law;
 mod published;
@@ -83,6 +84,7 @@ pub fn findings(digest: &Digest) -> Vec<Finding> {
         let mut finding = match analysis.kind {
             AnalysisKind::Table => table::table(digest, &data, analysis),
             AnalysisKind::Speedup => speedup::speedup(&data, analysis),
+            AnalysisKind::Limits => limits::limits(&data, analysis),
             AnalysisKind::Exponents => exponents::exponents(&data, &file.axes, analysis),
             AnalysisKind::PowerLaw => power_law::power_law(&data, analysis),
             AnalysisKind::Pareto => pareto::pareto(&data, analysis),

@@ -125,6 +125,16 @@ fn an_exact_power_is_found() {
 }
 
 #[test]
+fn limits_are_those_at_the_greatest_x() {
+    let points: [(&[Value], f64); 3] = [(&[json!(4)], 4.0), (&[json!(1)], 12.0), (&[json!(2)], 7.0)];
+    let found = finding(&study(&["cores"], &["limits"], &points), "limits");
+    let soft = found.sheet.rows.iter().find(|row| row[1].shown() == "soft").expect("a phase");
+    // Phases take half of the whole; of the sample's cycle stack an eighth issues.
+    assert_eq!(numbers(soft), [50.0, 3.0, 4.0, 12.5]);
+    assert_eq!(soft[6].shown(), "memory 67%, dependency 21%");
+}
+
+#[test]
 fn exponents_are_those_of_each_axis_alone() {
     // 3 a b^2 about a = b = 2, one at a time; phases take half of it.
     let at = |a: f64, b: f64| ([json!(a), json!(b)], 3.0 * a * b * b);
@@ -194,7 +204,7 @@ fn the_same_analysis_twice_has_two_names() {
 
 #[test]
 fn a_study_without_results_has_findings_all_the_same() {
-    let all = ["table", "speedup", "power_law", "exponents", "pareto", "sensitivity"];
+    let all = ["table", "speedup", "power_law", "limits", "exponents", "pareto", "sensitivity"];
     for finding in findings(&Digest::of(&study(&["cores"], &all, &[]))) {
         assert!(finding.sheet.rows.is_empty() && finding.plot.is_none(), "{}", finding.name);
         assert!(!finding.sheet.markdown().is_empty());
