@@ -61,8 +61,7 @@ fn one() -> u32 {
     1
 }
 
-// Serde hands over a reference.
-#[allow(clippy::trivially_copy_pass_by_ref)]
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde hands over a reference")]
 fn is_one(number: &u32) -> bool {
     *number == 1
 }
