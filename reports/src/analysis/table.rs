@@ -76,7 +76,11 @@ pub(super) fn table(digest: &Digest, data: &Data, analysis: &Analysis) -> Findin
 
 fn plot(data: &Data, analysis: &Analysis, y: &str) -> Option<Plot> {
     let x = data.x(analysis);
-    let groups = data.groups(&x);
+    let mut groups = data.groups(&x);
+    if groups.iter().any(|(_, rows)| rows.len() > 1) {
+        // Beside lines, points of axes other than this one say nothing.
+        groups.retain(|(_, rows)| rows.len() > 1);
+    }
     let mut series = Vec::new();
     for path in &data.parts(y, groups.len()) {
         for (group, rows) in groups.iter().take(LINES_MAX) {

@@ -145,6 +145,12 @@ fn exponents_are_those_of_each_axis_alone() {
         let is_of = |row: &&Vec<Cell>| row[0].shown() == x && row[3].shown() == "soft, ms";
         numbers(found.sheet.rows.iter().find(is_of).expect("it was asked for"))
     };
+    let table = finding(&study(&["cores", "l2.ways"], &["table"], &points), "table");
+    let Some(Plot::Lines(lines)) = table.plot else { panic!("numbers are drawn") };
+    let are_lines = lines.series.iter().all(|line| line.points.len() > 1);
+    assert!(are_lines, "points of the other axis are no lines");
+    let Some(Plot::Lines(lines)) = &found.plot else { panic!("numbers are drawn") };
+    assert_eq!(lines.series[1].points, [(1.0, 1.0), (2.0, 4.0), (8.0, 64.0)]);
     for (x, ends, exponent) in [("cores", [1.0, 4.0], 1.0), ("l2.ways", [1.0, 8.0], 2.0)] {
         let row = of(x);
         assert_eq!((&row[..2], row[6]), (&ends[..], 3.0));
