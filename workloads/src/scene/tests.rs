@@ -247,7 +247,7 @@ const FROZEN: [(&str, u64); 12] = [
     ("cornell", 0x40a5_b712_98ec_daf7),
     ("fern", 0xef7c_5c6b_3e47_d6ea),
     ("palm", 0x5116_7840_aa1f_4d7d),
-    ("plates", 0x177b_847f_dc2d_6714),
+    ("plates", 0x9a51_4727_9c08_58db),
     ("saloon", 0x3607_c3de_b565_3bd6),
     ("saloon-orbit", 0xc8fc_c767_5244_4974),
     ("saloon-panel", 0x0091_1a33_0f86_8059),
